@@ -1,0 +1,82 @@
+"""A dataset folder: dataset.json beside frames/; see FORMAT.md."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from uwsim.dataset.frame import FORMAT_VERSION, Frame, read_frame
+from uwsim.files import read_json, sha256, write_json
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A complete dataset; `manifest` is the content of dataset.json."""
+
+    folder: Path
+    manifest: dict
+    frame_names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.frame_names)
+
+    def frame(self, name: str) -> Frame:
+        return read_frame(self.folder / "frames" / name)
+
+    @property
+    def frames(self):
+        """The frames in order, opened one after the other."""
+        return (self.frame(name) for name in self.frame_names)
+
+    @property
+    def name(self) -> str:
+        return self.manifest["name"]
+
+
+def open(folder: Path) -> Dataset:  # noqa: A001 (the published name is uwsim.dataset.open)
+    """Open a complete dataset; ValueError in one line if it is missing, unfinished or of another format."""
+    folder = Path(folder)
+    manifest = read_manifest(folder)
+    if not manifest["complete"]:
+        raise ValueError(f"{folder}: generation is unfinished; finish it with `uwsim generate ... --resume`")
+    names = tuple(sorted({Path(file).parts[1] for file in manifest["files"]}))
+    if not names:
+        raise ValueError(f"{folder}: the dataset has no frames")
+    return Dataset(folder=folder, manifest=manifest, frame_names=names)
+
+
+_KEYS = {
+    "format": int, "name": str, "complete": bool, "seed": int, "recipe": dict,
+    "versions": dict, "commit": (str, type(None)), "machine": dict, "files": dict,
+}  # fmt: skip
+
+
+def read_manifest(folder: Path) -> dict:
+    """Read and check dataset.json; ValueError in one line."""
+    path = Path(folder) / "dataset.json"
+    if not path.is_file():
+        raise ValueError(f"{folder}: no dataset here (dataset.json is missing)")
+    manifest = read_json(path)
+    if not isinstance(manifest, dict) or set(manifest) != set(_KEYS):
+        got = sorted(manifest) if isinstance(manifest, dict) else type(manifest).__name__
+        raise ValueError(f"{path}: keys {got}, allowed: {sorted(_KEYS)}")
+    for key, kind in _KEYS.items():
+        if not isinstance(manifest[key], kind):
+            raise ValueError(f"{path}: {key} is a {type(manifest[key]).__name__}, allowed: {kind}")
+    if manifest["format"] != FORMAT_VERSION:
+        raise ValueError(f"{path}: format {manifest['format']}, allowed: {FORMAT_VERSION}")
+    for file in manifest["files"]:
+        parts = Path(file).parts
+        if len(parts) != 3 or parts[0] != "frames" or ".." in parts:
+            raise ValueError(f"{path}: file {file!r} is not of the form frames/<frame>/<file>")
+    return manifest
+
+
+def write_manifest(folder: Path, manifest: dict) -> None:
+    """Write dataset.json atomically."""
+    write_json(Path(folder) / "dataset.json", manifest)
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """Return {path inside the dataset: SHA-256} of every file of every complete frame, sorted."""
+    frames = Path(folder) / "frames"
+    files = sorted(path for path in frames.glob("*/*") if not path.parent.name.endswith(".partial"))
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in files}

@@ -1,0 +1,72 @@
+"""Files that are complete or absent, checksums, and the data that ships with the package."""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Call `write(temporary path)` and move the result to `path`; nothing is left behind on failure."""
+    path = Path(path)
+    temporary = path.with_name(f".partial-{os.getpid()}-{path.name}")
+    try:
+        write(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 text file atomically."""
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write JSON atomically, keys in the given order, NaN and infinity refused (ValueError)."""
+    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> object:
+    """Read a JSON file; ValueError in one line if it is missing or broken."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path}: not readable as JSON: {error}") from error
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 checksum of a file as 64 hexadecimal digits."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def shipped(folder: str) -> Path:
+    """Return the folder `scenes` or `benchmarks`: in the wheel, else at the top of the source tree."""
+    inside = PACKAGE / "shipped" / folder
+    return inside if inside.is_dir() else PACKAGE.parent / folder
+
+
+def find_shipped(folder: str, name: str) -> Path:
+    """Return a TOML file given by its path, or by its name in a shipped folder.
+
+    Raises ValueError that lists the known names.
+    """
+    if Path(name).suffix == ".toml" and Path(name).is_file():
+        return Path(name)
+    candidate = shipped(folder) / (name if name.endswith(".toml") else f"{name}.toml")
+    if candidate.is_file():
+        return candidate
+    # a path inside the source tree also names the shipped file: scenes/datasets/tiny.toml
+    relative = Path(name)
+    if relative.parts[: len(Path(folder).parts)] == Path(folder).parts:
+        candidate = shipped(folder) / relative.relative_to(folder)
+        if candidate.is_file():
+            return candidate
+    known = ", ".join(sorted(path.stem for path in shipped(folder).glob("*.toml")))
+    raise ValueError(f"{folder}: got {name!r}, which is no TOML file; allowed: a path or one of {known}")
