@@ -1,0 +1,32 @@
+"""Estimate and truth in, number out. `METRICS` gives unit and better direction of each."""
+
+from typing import Literal, NamedTuple
+
+
+class Metric(NamedTuple):
+    """Name, unit ("" for a pure number) and direction of a score."""
+
+    name: str
+    unit: str
+    better: Literal["higher", "lower"]
+
+
+METRICS = {
+    metric.name: metric
+    for metric in (
+        Metric("psnr", "dB", "higher"),
+        Metric("mse", "levels^2", "lower"),
+        Metric("ssim", "", "higher"),
+        Metric("uciqe_o", "", "higher"),
+        Metric("uiqm_f", "", "higher"),
+        Metric("uiqm_m", "", "higher"),
+        Metric("length_error_px", "px", "lower"),
+        Metric("angle_error_deg", "deg", "lower"),
+        Metric("failure_percent", "%", "lower"),
+        Metric("detected_percent", "%", "higher"),
+        Metric("rotation_error_deg", "deg", "lower"),
+        Metric("translation_error_percent", "%", "lower"),
+        Metric("corner_error_px", "px", "lower"),
+        Metric("milliseconds", "ms", "lower"),
+    )
+}

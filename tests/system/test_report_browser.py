@@ -1,0 +1,162 @@
+"""The report in a real browser: no errors, no requests, the slider moves the picture, the tables sort."""
+
+import importlib.util
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from uwsim.bench.report import write_report
+from uwsim.bench.run import run
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+DRIVER = shutil.which("chromedriver")
+OPTIONS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER),
+    reason="needs Chromium and its driver: apt-get install chromium chromium-driver",
+)
+
+
+def synthetic_dataset(folder):
+    path = Path(__file__).parent.parent / "unit" / "synthetic.py"
+    spec = importlib.util.spec_from_file_location("synthetic", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.write_dataset(folder)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    dataset = synthetic_dataset(folder / "synthetic")
+    results = [run(name, dataset).to_dict() for name in ("restoration", "blur", "pose")]
+    write_report(
+        folder / "report.html", dataset=dataset, results=results, environment={"versions": {"a": "1"}}
+    )
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def opened(browser, page):
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.set_window_size(1280, 900)
+    browser.get("about:blank")
+    browser.get_log("browser"), browser.get_log("performance")
+    browser.get(page.as_uri())
+    return browser
+
+
+def requested(browser) -> list[str]:
+    messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    sent = [message["params"] for message in messages if message["method"] == "Network.requestWillBeSent"]
+    return [params["request"]["url"] for params in sent]
+
+
+def find(browser, selector: str):
+    return browser.find_elements("css selector", selector)
+
+
+def test_the_page_loads_without_errors_and_asks_for_nothing(opened, page):
+    assert opened.title == "uwsim report: synthetic"
+    assert opened.get_log("browser") == []
+    assert [url for url in requested(opened) if not url.startswith("data:")] == [page.as_uri()]
+
+
+def test_every_picture_is_shown(opened):
+    sizes = opened.execute_script("return [...document.images].map(i => i.complete && i.naturalWidth)")
+    assert len(sizes) > 20
+    assert all(sizes)
+
+
+def clip(browser) -> str:
+    return browser.execute_script("return getComputedStyle(document.querySelector('.over')).clipPath")
+
+
+def test_the_slider_moves_the_picture_by_key_and_by_pointer(opened):
+    from selenium.webdriver import ActionChains, Keys
+
+    (slider,) = find(opened, ".compare input[type=range]")
+    assert find(opened, f"label[for={slider.get_attribute('id')}]")
+    before = clip(opened)
+    slider.send_keys(Keys.ARROW_RIGHT)
+    assert slider.get_attribute("value") == "51"
+    assert clip(opened) != before
+    slider.send_keys(Keys.HOME)
+    assert "100%" in clip(opened)  # all of it without water
+    (stack,) = find(opened, ".compare .stack")
+    quarter = -stack.size["width"] // 4
+    ActionChains(opened).move_to_element_with_offset(stack, quarter, 0).click().perform()
+    assert 23 <= int(slider.get_attribute("value")) <= 27
+
+
+def column(browser, table: int, index: int) -> list[str]:
+    script = "return [...document.querySelectorAll('table.sortable')[arguments[0]].tBodies[0].rows]"
+    return browser.execute_script(f"{script}.map(r => r.cells[arguments[1]].dataset.value)", table, index)
+
+
+def test_tables_sort_both_ways_and_say_so(opened):
+    tables = find(opened, "table.sortable")
+    number = next(
+        i for i, t in enumerate(tables) if "restoration, all cases" in t.get_attribute("textContent")
+    )
+    (head,) = [h for h in tables[number].find_elements("css selector", "th") if "PSNR" in h.text]
+    button = head.find_element("css selector", "button")
+    before = column(opened, number, 2)
+    button.click()
+    assert head.get_attribute("aria-sort") == "ascending"
+    assert column(opened, number, 2) == sorted(before, key=float)
+    button.click()
+    assert head.get_attribute("aria-sort") == "descending"
+    assert column(opened, number, 2) == sorted(before, key=float, reverse=True)
+    (name,) = [h for h in tables[number].find_elements("css selector", "th") if h.text == "algorithm"]
+    name.find_element("css selector", "button").click()
+    assert head.get_attribute("aria-sort") is None
+    assert name.get_attribute("aria-sort") == "ascending"
+
+
+def test_cells_without_a_number_stay_last(opened):
+    script = """
+      const table = document.querySelectorAll('table.sortable')[0], row = table.tBodies[0].rows[0];
+      row.cells[1].dataset.value = ''; const button = table.querySelectorAll('th button')[1];
+      const last = () => [...table.tBodies[0].rows].indexOf(row);
+      button.click(); const up = last(); button.click();
+      return [up, last(), table.tBodies[0].rows.length - 1];
+    """
+    up, down, end = opened.execute_script(script)
+    assert up == down == end
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_narrow_screen_does_not_scroll_sideways(opened, scheme):
+    media = [{"name": "prefers-color-scheme", "value": scheme}]
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": media})
+    metrics = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    opened.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    assert opened.execute_script("return document.documentElement.scrollWidth") == 390
+    ink, paper = opened.execute_script(
+        "const s = getComputedStyle(document.body); return [s.color, s.backgroundColor]"
+    )
+    brightness = [sum(map(int, colour[4:-1].split(","))) for colour in (ink, paper)]
+    assert (brightness[0] < brightness[1]) == (scheme == "light")

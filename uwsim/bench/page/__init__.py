@@ -1,0 +1,1 @@
+"""The parts of the report: markup, pictures, plots, and one file per group of sections."""

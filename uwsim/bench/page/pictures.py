@@ -1,0 +1,130 @@
+"""Truth images as pictures: through the frame's camera, or in false colour with a bar."""
+
+import colorsys
+
+import numpy as np
+
+from uwsim.bench.page.markup import escape, figure, picture
+from uwsim.bench.task import sensor_keywords
+from uwsim.camera.sensor import expose_without_noise
+from uwsim.dataset.frame import Frame
+from uwsim.images import srgb_uint8_from_linear
+
+EMPTY = (128, 128, 128)
+_BAR_STOPS = 9
+
+
+def through_camera(frame: Frame, name: str) -> np.ndarray:
+    """Return a radiance buffer as the frame's camera would store it without noise, (H, W, 3) uint8."""
+    return expose_without_noise(np.maximum(frame.buffer(name), 0), **sensor_keywords(frame))
+
+
+def colour_map(positions: np.ndarray) -> np.ndarray:
+    """Return the viridis colours, (..., 3) uint8, of positions in [0, 1]."""
+    from matplotlib import colormaps
+
+    return colormaps["viridis"](np.clip(positions, 0, 1), bytes=True)[..., :3]
+
+
+def false_colour(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return (H, W) values in colours from `low` to `high`, (H, W, 3) uint8; grey where not finite."""
+    finite = np.isfinite(values)
+    span = max(high - low, np.finfo(float).tiny)
+    return np.where(
+        finite[..., None], colour_map((np.where(finite, values, low) - low) / span), EMPTY
+    ).astype(np.uint8)
+
+
+def limits(values: np.ndarray, *, from_zero: bool = False) -> tuple[float, float]:
+    """Return the 1 % and 99 % level of the finite values: the ends of the colour bar."""
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    low, high = np.percentile(finite, [1, 99])
+    low = 0.0 if from_zero else float(low)
+    return (low, float(high)) if high > low else (low, low + 1.0)
+
+
+def bar(low: float, high: float, unit: str) -> str:
+    """Return the colour bar: both ends with the unit."""
+    stops = colour_map(np.linspace(0, 1, _BAR_STOPS))
+    gradient = ", ".join(f"rgb({r} {g} {b})" for r, g, b in stops.tolist())
+    suffix = f" {escape(unit)}" if unit else ""
+    return (
+        f'<div class="bar"><span>{low:.3g}{suffix}</span>'
+        f'<i style="background:linear-gradient(90deg, {gradient})"></i><span>{high:.3g}{suffix}</span></div>'
+    )
+
+
+def map_figure(
+    values: np.ndarray, title: str, caption: str, *, unit: str, ends: tuple[float, float], alt: str
+) -> str:
+    """Return a small false-colour figure with its colour bar."""
+    image = picture(false_colour(values, *ends), alt, lossless=True)
+    return figure(image + bar(*ends, unit), title, escape(caption))
+
+
+def instance_colours(count: int) -> np.ndarray:
+    """Return `count` colours told apart by hue and lightness, (count, 3) uint8."""
+    hues = (0.55 + 0.381966 * np.arange(count)) % 1
+    colours = [colorsys.hls_to_rgb(hue, 0.45 + 0.2 * (index % 2), 0.5) for index, hue in enumerate(hues)]
+    return np.rint(255 * np.array(colours).reshape(-1, 3)).astype(np.uint8)
+
+
+def layer_figures(frame: Frame) -> list[str]:
+    """Return the truth of a frame as small multiples with captions and units."""
+    range_m, z_depth_m = frame.buffer("range"), frame.buffer("z_depth")
+    ends = limits(np.concatenate([range_m, z_depth_m]))
+    radiance = frame.buffer("radiance")[..., 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error_percent = 100 * frame.buffer("standard_error")[..., 1] / radiance
+    transmission = frame.buffer("transmission")[..., 1]
+    return [
+        map_figure(
+            range_m, "Range", "along the ray; grey: no body seen", unit="m", ends=ends, alt="Map of the range"
+        ),
+        map_figure(z_depth_m, "Depth", "along the optical axis", unit="m", ends=ends, alt="Map of the depth"),
+        figure(
+            picture(through_camera(frame, "backscatter"), "The backscatter alone"), "Backscatter",
+            "light that met no body; same camera and exposure",
+        ),
+        map_figure(
+            transmission, "Transmission",
+            "share of the lamps' light neither absorbed nor scattered on lamp-body-camera; green band",
+            unit="", ends=limits(transmission, from_zero=True), alt="Map of the transmission",
+        ),
+        map_figure(
+            error_percent, "Monte-Carlo standard error", "of the radiance, relative to it; green band",
+            unit="%", ends=limits(error_percent, from_zero=True), alt="Map of the relative standard error",
+        ),
+        figure(
+            picture(srgb_uint8_from_linear(frame.buffer("albedo")), "The albedo"), "Albedo",
+            "diffuse reflectance, weighted by the camera response; black: none or no body",
+        ),
+        figure(
+            picture(_normals(frame), "The surface normals as colours", lossless=True), "Normals",
+            "world axes x, y, z as red, green, blue from -1 to 1; grey: no body seen",
+        ),
+        _instances(frame),
+    ]  # fmt: skip
+
+
+def _normals(frame: Frame) -> np.ndarray:
+    return np.rint(255 * np.clip(0.5 + 0.5 * frame.buffer("normal"), 0, 1)).astype(np.uint8)
+
+
+def _instances(frame: Frame) -> str:
+    numbers = frame.buffer("instance")
+    present = [int(number) for number in np.unique(numbers) if number]
+    colours = instance_colours(len(present))
+    image = np.full((*numbers.shape, 3), EMPTY, np.uint8)
+    names = {body.instance: body.name for body in frame.info.bodies}
+    keys = []
+    for colour, number in zip(colours, present, strict=True):
+        image[numbers == number] = colour
+        r, g, b = colour.tolist()
+        keys.append(
+            f'<li><i style="background:rgb({r} {g} {b})"></i>{escape(names.get(number, number))}</li>'
+        )
+    content = picture(image, "Which body each pixel sees", lossless=True)
+    return figure(content, "Bodies", f'<ul class="keys">{"".join(keys)}</ul>')

@@ -1,0 +1,184 @@
+"""Pose: where the camera stands to a body with markers, from the markers detected in each picture.
+
+What NEEDS may list:
+  true_points    the true normalised image points of `points_m`, shaped like `points`
+
+A case is a body with at least one marker whose corners are all visible ("000003/board" where a frame shows
+several such bodies, else "000003"). A solver gets the corners of the detected markers; a solver that is given
+`true_points` gets the visible corners of all markers instead, so what it scores does not depend on detection.
+`detected_percent` counts the cases with a pose; the errors are over those.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+
+from uwsim.bench import runner
+from uwsim.bench.task import Case, Task, frame_of_case
+from uwsim.dataset.frame import Frame, FrameInfo
+from uwsim.dataset.store import Dataset
+from uwsim.metrics import pose as pose_metrics
+from uwsim.pose import solvers
+from uwsim.pose.detect import detect_markers
+
+STATISTICS = {
+    "detected_percent": "mean", "rotation_error_deg": "median", "translation_error_percent": "median",
+    "corner_error_px": "median", "milliseconds": "median",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Points:
+    """Corners of markers: in the body's frame (n, 3) [m], in the image and their true places (n, 2) [px]."""
+
+    body_m: np.ndarray
+    image_px: np.ndarray
+    true_px: np.ndarray
+
+
+@dataclass(frozen=True)
+class View:
+    """A body with markers in one frame, with its true pose; markers are detected when first asked for."""
+
+    frame: Frame
+    body: str
+
+    @cached_property
+    def camera_from_body(self) -> np.ndarray:
+        """Return the true pose at mid-exposure, (4, 4) [m]."""
+        body = next(body for body in self.frame.info.bodies if body.name == self.body)
+        return np.linalg.inv(self.frame.world_from_camera) @ np.array(body.world_from_body)
+
+    @cached_property
+    def detected(self) -> Points:
+        """Corners of the detected markers; `true_px` is NaN where a marker has a corner behind the camera."""
+        markers = self._markers()
+        found = {}
+        for dictionary in sorted({marker.dictionary for marker in markers}):
+            for identity, corners in detect_markers(self.frame.image, dictionary).items():
+                found[dictionary, identity] = corners
+        seen = [marker for marker in markers if (marker.dictionary, marker.id) in found]
+        return _points(
+            [marker.corners_body_m for marker in seen],
+            [found[marker.dictionary, marker.id] for marker in seen],
+            [marker.corners_px or np.full((4, 2), np.nan) for marker in seen],
+        )
+
+    @cached_property
+    def visible(self) -> Points:
+        """The visible corners of all markers, at their true places."""
+        markers = [marker for marker in self._markers() if any(marker.visible)]
+        shown = [np.array(marker.visible) for marker in markers]
+        body = [np.array(marker.corners_body_m)[keep] for marker, keep in zip(markers, shown, strict=True)]
+        true = [np.array(marker.corners_px)[keep] for marker, keep in zip(markers, shown, strict=True)]
+        return _points(body, true, true)
+
+    def normalised(self, points_px: np.ndarray) -> np.ndarray:
+        """Return pixels (n, 2) as points on the plane z = 1 of the camera."""
+        homogeneous = np.column_stack([points_px, np.ones(len(points_px))])
+        return np.linalg.solve(self.frame.K, homogeneous.T).T[:, :2]
+
+    def _markers(self) -> list:
+        return [marker for marker in self.frame.info.markers if marker.body == self.body]
+
+
+def _points(body_m: list, image_px: list, true_px: list) -> Points:
+    def stack(parts: list, columns: int) -> np.ndarray:
+        return np.concatenate([np.asarray(part, float).reshape(-1, columns) for part in [*parts, []]])
+
+    return Points(body_m=stack(body_m, 3), image_px=stack(image_px, 2), true_px=stack(true_px, 2))
+
+
+def bodies_in_view(info: FrameInfo) -> list[str]:
+    """Return the bodies of which at least one marker is visible with all its corners."""
+    return sorted({marker.body for marker in info.markers if marker.corners_px and all(marker.visible)})
+
+
+def case_names(dataset: Dataset) -> list[str]:
+    """Return the cases of the dataset; ValueError if there are none."""
+    names = []
+    for frame in dataset.frames:
+        bodies = bodies_in_view(frame.info)
+        names += [frame.name] if len(bodies) == 1 else [f"{frame.name}/{body}" for body in bodies]
+    if not names:
+        raise ValueError(f"{dataset.folder}: pose needs a frame with a visible marker, the dataset has none")
+    return names
+
+
+def case(dataset: Dataset, name: str) -> Case:
+    frame = dataset.frame(frame_of_case(name))
+    body = name.partition("/")[2] or bodies_in_view(frame.info)[0]
+    view = View(frame=frame, body=body)
+    makers = {"true_points": lambda: view.normalised(view.visible.true_px)[None]}
+    return Case(name=name, image=frame.image, makers=makers, truth=view)
+
+
+def points_for(given: tuple[str, ...], view: View) -> Points:
+    """Return the corners that a solver works on."""
+    return view.visible if "true_points" in given else view.detected
+
+
+def solved(
+    module: ModuleType, name: str, given: tuple[str, ...], case: Case
+) -> tuple[np.ndarray | None, float]:
+    """Return (camera_from_body (4, 4), None where no pose could be estimated; milliseconds of the call)."""
+    where = f"pose: {name}: case {case.name}"
+    points = points_for(given, case.truth)
+    if len(points.body_m) < getattr(module, "MINIMUM_POINTS", 4):
+        return None, math.nan
+    solution, elapsed_ms = runner.timed(
+        runner.entry(module, name, "solve"), points.body_m[None].copy(),
+        case.truth.normalised(points.image_px)[None], where=where, **runner.permitted(given, case.makers),
+    )  # fmt: skip
+    return _pose(solution, where), elapsed_ms
+
+
+def _pose(solution: object, where: str) -> np.ndarray | None:
+    try:
+        ok = bool(np.asarray(solution.ok).reshape(1)[0])
+        rotation = np.asarray(solution.rotation, float).reshape(3, 3)
+        translation = np.asarray(solution.translation_m, float).reshape(3)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"{where}: returned no Solution of rotation (1, 3, 3), translation_m (1, 3), ok (1,): {error}"
+        ) from None
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, translation
+    return pose if ok and np.all(np.isfinite(pose)) else None
+
+
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> dict[str, float]:
+    pose, elapsed_ms = solved(module, name, given, case)
+    points = points_for(given, case.truth)
+    scores = dict.fromkeys(STATISTICS, math.nan)
+    scores |= {"detected_percent": 0.0 if pose is None else 100.0, "milliseconds": elapsed_ms}
+    if len(points.body_m):
+        scores["corner_error_px"] = float(
+            np.nanmean(pose_metrics.corner_error_px(points.image_px, points.true_px))
+        )
+    if pose is None:
+        return scores
+    true = case.truth.camera_from_body
+    try:
+        rotation_error_deg = float(pose_metrics.rotation_error_deg(pose[:3, :3], true[:3, :3]))
+    except ValueError as error:
+        raise ValueError(f"pose: {name}: case {case.name}: {error}") from None
+    translation_error_percent = float(pose_metrics.translation_error_percent(pose[:3, 3], true[:3, 3]))
+    return scores | {
+        "rotation_error_deg": rotation_error_deg, "translation_error_percent": translation_error_percent
+    }  # fmt: skip
+
+
+TASK = Task(
+    name="pose",
+    package=solvers,
+    function="solve",
+    inputs=("true_points",),
+    statistics=STATISTICS,
+    case_names=case_names,
+    case=case,
+    score=score,
+)

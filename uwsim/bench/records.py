@@ -1,0 +1,161 @@
+"""Results of a benchmark: one record per case, algorithm and metric, the same for every benchmark."""
+
+import json
+import math
+import re
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from uwsim.files import read_json, write_text
+
+ARROWS = {"higher": "↑", "lower": "↓"}
+TITLES = {
+    "psnr": "PSNR", "mse": "MSE", "ssim": "SSIM", "uciqe_o": "UCIQE (O)", "uiqm_f": "UIQM (F)",
+    "uiqm_m": "UIQM (M)", "failure_percent": "failures", "detected_percent": "detected",
+    "milliseconds": "time",
+}  # fmt: skip
+# below this an error is the round-off of the arithmetic
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class Record:
+    """One number. `given`: the truth that the algorithm was shown (its NEEDS).
+
+    `value` is None where there is no finite number; `note` then says why ("identical images", "no estimate",
+    "not installed: ..."). `case` is a frame, or a summary over cases ("all"; blur also "uniform").
+    """
+
+    case: str
+    algorithm: str
+    given: tuple[str, ...]
+    metric: str
+    value: float | None
+    unit: str
+    better: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of one run; `provenance` says of what, on what, with what."""
+
+    benchmark: str
+    provenance: dict
+    records: tuple[Record, ...]
+
+    def to_dict(self) -> dict:
+        """Return what stands in the JSON file."""
+        records = [{**asdict(record), "given": list(record.given)} for record in self.records]
+        return {"benchmark": self.benchmark, "provenance": self.provenance, "records": records}
+
+    def to_json(self) -> str:
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
+
+    def write(self, path: Path) -> None:
+        """Write the JSON file: complete or absent."""
+        write_text(path, self.to_json())
+
+
+def result_from_dict(content: dict, where: str = "result") -> Result:
+    """Return the Result of a parsed JSON file; ValueError in one line if it is none."""
+    try:
+        records = tuple(
+            Record(**{**record, "given": tuple(record["given"])}) for record in content["records"]
+        )
+        return Result(benchmark=content["benchmark"], provenance=content["provenance"], records=records)
+    except (TypeError, KeyError) as error:
+        raise ValueError(f"{where}: not a benchmark result: {type(error).__name__}: {error}") from None
+
+
+def read_result(path: Path) -> Result:
+    """Read a result file; ValueError in one line if it is missing or broken."""
+    return result_from_dict(read_json(path), str(path))
+
+
+def record_from_score(template: Record, score: float) -> Record:
+    """Return the record of a score: +inf stands for identical images, NaN for no estimate."""
+    if math.isfinite(score):
+        return replace(template, value=float(score))
+    return replace(template, value=None, note="no estimate" if math.isnan(score) else "identical images")
+
+
+def summarise(scores: list[float], statistic: str) -> tuple[float, str]:
+    """Return the median or mean of the scores and a note.
+
+    NaN (no estimate) is left out and counted in the note; +inf (identical images) takes part, so that a
+    median is infinite only where the middle case is.
+    """
+    known = sorted(score for score in scores if not math.isnan(score))
+    if not known:
+        return math.nan, "no estimate"
+    note = "" if len(known) == len(scores) else f"over {len(known)} of {len(scores)} cases"
+    if statistic == "mean":
+        return math.fsum(known) / len(known), note
+    low, high = known[(len(known) - 1) // 2], known[len(known) // 2]
+    return (low if low == high else (low + high) / 2), note
+
+
+def role(result: Result, algorithm: str) -> str:
+    """Return "do-nothing", "oracle" or "" as the benchmark's definition says."""
+    definition = result.provenance.get("definition", {})
+    for key, word in (("do_nothing", "do-nothing"), ("oracle", "oracle")):
+        if definition.get(key) == algorithm:
+            return word
+    return ""
+
+
+def summary_names(result: Result) -> list[str]:
+    """Return the summaries that the result holds: "all", and where there are any "uniform"."""
+    present = {record.case for record in result.records}
+    return [name for name in ("all", "uniform") if name in present]
+
+
+def table(result: Result, case: str = "all") -> tuple[list[Record], list[list[Record]]]:
+    """Return (a record per metric for the head, a row of records per algorithm) of a summary or a case."""
+    rows: dict[str, list[Record]] = {}
+    for record in result.records:
+        if record.case == case:
+            rows.setdefault(record.algorithm, []).append(record)
+    if not rows:
+        raise ValueError(f"{result.benchmark}: no records of case {case!r}")
+    return next(iter(rows.values())), list(rows.values())
+
+
+def markdown(result: Result) -> str:
+    """Return the summaries as Markdown tables; do-nothing and oracle are marked."""
+    parts = []
+    for case in summary_names(result):
+        head, rows = table(result, case)
+        titles = ["algorithm", "given", *(column_title(record) for record in head)]
+        lines = [_row(titles), _row(["---", "---"] + ["---:"] * len(head))]
+        for row in rows:
+            kind = role(result, row[0].algorithm)
+            name = f"{row[0].algorithm} ({kind})" if kind else row[0].algorithm
+            lines.append(_row([name, ", ".join(row[0].given) or "-", *(text(record) for record in row)]))
+        caption = f"{result.benchmark}, {case} cases" if case != "all" else result.benchmark
+        parts.append(f"### {caption}\n\n" + "\n".join(lines) + "\n")
+    return "\n".join(parts)
+
+
+def column_title(record: Record) -> str:
+    """Return "length error [px] ↓": the metric, its unit and which way is better."""
+    title = TITLES.get(record.metric) or re.sub("_(px|deg|percent|mm)$", "", record.metric).replace("_", " ")
+    unit = f" [{record.unit.replace('^2', '²')}]" if record.unit else ""
+    return f"{title}{unit} {ARROWS.get(record.better, '')}".rstrip()
+
+
+def text(record: Record) -> str:
+    """Return a value to four significant digits, or the note where there is no number."""
+    if record.value is None:
+        return record.note or "-"
+    return number(record.value)
+
+
+def number(value: float) -> str:
+    """Return a finite number to four significant digits, or as "< 1e-09" where it is round-off."""
+    return "< 1e-9" if 0 < abs(value) < ROUND_OFF else f"{value:.4g}"
+
+
+def _row(cells: list[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -1,0 +1,152 @@
+"""Run a benchmark: every algorithm on every case, scores into one Result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+
+from uwsim import provenance
+from uwsim.bench import blur, pose, restoration, runner
+from uwsim.bench.definition import Definition, read_definition
+from uwsim.bench.records import Record, Result, record_from_score, summarise
+from uwsim.bench.task import Task, spread
+from uwsim.dataset.store import Dataset
+from uwsim.discovery import find, names
+from uwsim.files import sha256
+from uwsim.metrics import METRICS
+
+TASKS: dict[str, Task] = {task.name: task for task in (restoration.TASK, blur.TASK, pose.TASK)}
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """An algorithm file that takes part; `missing`: the packages it needs that are not installed."""
+
+    name: str
+    module: ModuleType
+    given: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def run(
+    name: str, dataset: Dataset, *, algorithms: list[str] | None = None, quick: bool = False,
+    progress: Progress | None = None,
+) -> Result:  # fmt: skip
+    """Score algorithms on a dataset; `name`: a shipped benchmark, or the path of its TOML file.
+
+    `algorithms`: names choose among the definition's (the do-nothing entry and the oracle stay), paths of
+    `.py` files are added to it. `quick`: only `quick_cases` cases, spread over the dataset.
+    `progress(text, done, total)` is called before each case and at the end.
+    Raises ValueError in one line: unknown names, broken algorithms, a dataset without a usable frame.
+    """
+    title, definition = read_definition(name)
+    task = TASKS[definition.task]
+    chosen = [load(task, choice) for choice in select(task, definition, algorithms)]
+    cases = task.case_names(dataset)
+    if quick:
+        cases = spread(cases, definition.quick_cases)
+    records, summaries = [], {}
+    for done, case_name in enumerate(cases):
+        if progress is not None:
+            progress(f"{title}: {case_name}", done, len(cases))
+        case = task.case(dataset, case_name)
+        for algorithm in chosen:
+            if algorithm.missing:
+                continue
+            if done == 0:  # lazy imports and caches are not the method's time
+                task.score(algorithm.module, algorithm.name, algorithm.given, case)
+            scores = task.score(algorithm.module, algorithm.name, algorithm.given, case)
+            records += [
+                record_from_score(_blank(case_name, algorithm, key), scores[key]) for key in task.statistics
+            ]
+            for summary in case.summaries:
+                summaries.setdefault(summary, {}).setdefault(algorithm.name, []).append(scores)
+    if progress is not None:
+        progress(title, len(cases), len(cases))
+    total = [
+        _summary(task, case, a, scores.get(a.name, [])) for case, scores in summaries.items() for a in chosen
+    ]
+    return Result(
+        benchmark=title,
+        provenance=_provenance(definition, dataset, quick=quick, cases=len(cases)),
+        records=tuple(records + [record for rows in total for record in rows]),
+    )
+
+
+def select(task: Task, definition: Definition, algorithms: list[str] | None) -> list[str]:
+    """Return what takes part, in table order: do-nothing, the others, the oracle, added files."""
+    shipped = list(definition.algorithms) if definition.algorithms is not None else names(task.package)
+    fixed = [definition.do_nothing, definition.oracle]
+    asked = list(dict.fromkeys(algorithms or []))
+    files = [name for name in asked if name.endswith(".py")]
+    wanted = [name for name in asked if name not in files]
+    unknown = [name for name in wanted if name not in shipped]
+    if unknown:
+        raise ValueError(
+            f"{task.name}: got algorithm {unknown[0]!r}, allowed: {', '.join(shipped)}, "
+            "or the path of a .py file"
+        )
+    middle = [name for name in shipped if name not in fixed and (not wanted or name in wanted)]
+    return [
+        definition.do_nothing,
+        *middle,
+        *([definition.oracle] if definition.oracle else []),
+        *_files(files, shipped),
+    ]
+
+
+def _files(files: list[str], shipped: list[str]) -> list[str]:
+    taken = set(shipped)
+    for file in files:
+        stem = file.replace("\\", "/").rpartition("/")[2].removesuffix(".py")
+        if stem in taken:
+            raise ValueError(
+                f"{file}: an algorithm named {stem!r} takes part already, allowed: another file name"
+            )
+        taken.add(stem)
+    return files
+
+
+def load(task: Task, choice: str) -> Algorithm:
+    """Import an algorithm file and check what it states; ValueError in one line."""
+    module = find(task.package, choice)
+    name = module.__name__.rpartition(".")[2]
+    given = runner.needs(module, name, task.inputs)
+    runner.entry(module, name, task.function)
+    runner.input_kind(module, name)
+    return Algorithm(name=name, module=module, given=given, missing=tuple(runner.prepare(module)))
+
+
+def _blank(case: str, algorithm: Algorithm, metric: str, note: str = "") -> Record:
+    unit, better = METRICS[metric].unit, METRICS[metric].better
+    return Record(case, algorithm.name, algorithm.given, metric, None, unit, better, note)
+
+
+def _summary(task: Task, case: str, algorithm: Algorithm, scores: list[dict[str, float]]) -> list[Record]:
+    records = []
+    for metric, statistic in task.statistics.items():
+        if algorithm.missing:
+            note = f"not installed: {', '.join(algorithm.missing)}"
+            records.append(_blank(case, algorithm, metric, note))
+            continue
+        value, note = summarise([score[metric] for score in scores], statistic)
+        record = record_from_score(_blank(case, algorithm, metric, note), value)
+        records.append(record)
+    return records
+
+
+def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:
+    task = TASKS[definition.task]
+    return {
+        "definition": definition.model_dump(mode="json"),
+        "statistics": task.statistics,
+        "dataset": {
+            "name": dataset.name,
+            "seed": dataset.manifest["seed"],
+            "sha256": sha256(dataset.folder / "dataset.json"),
+        },
+        "cases": cases,
+        "quick": quick,
+        "versions": provenance.versions(),
+        "commit": provenance.commit(),
+    }

@@ -1,0 +1,258 @@
+"""The command line: `uwsim COMMAND`. Every mistake in the input is one line on standard error and exit code 2."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uwsim import __version__
+
+app = typer.Typer(
+    name="uwsim",
+    help="Physics-based underwater image simulator and benchmark.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder to write to.")]
+JsonOut = Annotated[str | None, typer.Option("--json", help="Write JSON to this file, - for standard output.")]
+
+
+def main() -> None:
+    """Run the command line; ValueError and OSError become one line and exit code 2."""
+    try:
+        # typer's own complaints (unknown option, missing argument) come as exceptions too, to be one line as well
+        code = app(standalone_mode=False)
+    except typer.Exit as stop:
+        code = stop.exit_code
+    except typer.Abort:
+        _fail("stopped")
+    except (ValueError, OSError) as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        _fail("interrupted", code=130)
+    except Exception as error:
+        if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of typer's parser
+            _fail(f"{error.format_message()} (see `uwsim --help`)")
+        raise
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str, code: int = 2) -> None:
+    sys.stderr.write(f"uwsim: {' '.join(message.split())}\n")
+    sys.exit(code)
+
+
+def _print(text: str = "") -> None:
+    sys.stdout.write(text + "\n")
+
+
+def _write_json(target: str, text: str) -> None:
+    from uwsim.files import write_text
+
+    if target == "-":
+        sys.stdout.write(text)
+        return
+    _parent(Path(target))
+    write_text(Path(target), text)
+
+
+def _parent(path: Path) -> None:
+    """Refuse an output whose folder does not exist, before any work is done."""
+    if not path.resolve().parent.is_dir():
+        raise ValueError(f"output {path}: the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise ValueError(f"output {path}: is a folder, allowed: a file")
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        _print(__version__)
+        raise typer.Exit
+
+
+@app.command()
+def doctor(json: JsonOut = None) -> None:
+    """Say whether images can be rendered here; exit code 1 with the command that mends it if not."""
+    import json as json_module
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from uwsim.render.doctor import diagnose
+
+    diagnosis = diagnose()
+    if json is not None:
+        content = {"rows": [row._asdict() for row in diagnosis.rows], "problems": diagnosis.problems, "remedy": diagnosis.remedy}
+        _write_json(json, json_module.dumps(content, indent=1) + "\n")
+    if json != "-":
+        table = Table("what", "found", "state")
+        for row in diagnosis.rows:
+            table.add_row(row.what, row.value, row.state)
+        Console().print(table)
+    if diagnosis.problems:
+        for problem in diagnosis.problems:
+            sys.stderr.write(f"uwsim: {problem}\n")
+        if diagnosis.remedy:
+            sys.stderr.write(f"uwsim: to mend it, type: {diagnosis.remedy}\n")
+        raise typer.Exit(1)
+
+
+@app.command()
+def schema(
+    what: Annotated[str, typer.Argument(help="scene, recipe, benchmark or frame")] = "scene",
+    out: Annotated[Path | None, typer.Option("--out", help="File to write; default: standard output.")] = None,
+) -> None:
+    """Write the JSON Schema of a TOML file (for editors) or of frame.json."""
+    import json
+
+    from uwsim.bench.definition import Definition
+    from uwsim.dataset.frame import FrameInfo
+    from uwsim.dataset.recipe import Recipe
+    from uwsim.scene.models import Scene
+
+    models = {"scene": Scene, "recipe": Recipe, "benchmark": Definition, "frame": FrameInfo}
+    if what not in models:
+        raise ValueError(f"schema: got {what!r}, allowed: {', '.join(models)}")
+    _write_json("-" if out is None else str(out), json.dumps(models[what].model_json_schema(), indent=1) + "\n")
+
+
+@app.command()
+def scenes() -> None:
+    """List the scenes, recipes and benchmarks that ship with uwsim."""
+    from uwsim.files import shipped
+    from uwsim.scene.load import read_toml
+
+    for title, folder in (("scenes", "scenes"), ("recipes", "scenes/datasets"), ("benchmarks", "benchmarks")):
+        _print(title)
+        for path in sorted(shipped(folder).glob("*.toml")):
+            _print(f"  {path.stem:18} {read_toml(path).get('description', '')}")
+
+
+@app.command()
+def render(
+    scene: Annotated[str, typer.Argument(help="TOML file, or the name of a shipped scene")],
+    out: Out,
+    samples: Annotated[int, typer.Option(help="Samples per pixel.")] = 64,
+    batches: Annotated[int, typer.Option(help="Independent batches, for the standard error.")] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT instead of the scene's (same field of view).")] = None,
+    geometry_only: Annotated[
+        bool, typer.Option("--geometry-only", help="Range, depth, normals, albedo, instances; needs no libLLVM.")
+    ] = False,
+) -> None:
+    """Render one scene by light transport: OUT becomes a frame folder (image.png, frame.exr, frame.json)."""
+    from uwsim import commands
+
+    loaded = commands.sized_scene(scene, size)
+    if geometry_only:
+        commands.render_geometry(loaded, out)
+    else:
+        with _progress() as report:
+            commands.render_scene(loaded, out, samples=samples, batches=batches, seed=seed, report=report)
+    _print(f"{out}: {loaded.name}, {loaded.rig.camera.width_px} x {loaded.rig.camera.height_px}")
+
+
+@app.command()
+def generate(
+    recipe: Annotated[str, typer.Argument(help="TOML file, or the name of a shipped recipe")],
+    out: Out,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was begun in OUT.")] = False,
+) -> None:
+    """Generate a labelled dataset; killed and resumed, it has the same bytes."""
+    from uwsim import commands
+
+    with _progress() as report:
+        dataset = commands.generate_dataset(recipe, out, resume=resume, report=report)
+    _print(f"{out}: {len(dataset)} frames")
+
+
+@app.command()
+def check(folder: Annotated[Path, typer.Argument(help="Dataset folder")]) -> None:
+    """Verify a dataset: checksums, shapes, finiteness, agreement of the parts."""
+    from uwsim.dataset.check import check as check_dataset
+
+    _print(f"{folder}: {check_dataset(folder)} frames, sound")
+
+
+@app.command()
+def bench(
+    name: Annotated[str, typer.Argument(help="restoration, blur, pose, or the path of a benchmark's TOML file")],
+    dataset: Annotated[Path | None, typer.Option(help="Dataset folder; default: the one the benchmark names.")] = None,
+    algorithm: Annotated[list[str] | None, typer.Option(help="Name, or path of your own .py file; repeatable.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A reduced run of a few cases.")] = False,
+    json: JsonOut = None,
+) -> None:
+    """Score algorithms against the truth: a Markdown table, and tidy JSON with --json."""
+    from uwsim import commands
+
+    if json not in (None, "-"):
+        _parent(Path(json))
+    with _progress() as report:
+        result = commands.run_benchmark(name, dataset, algorithms=algorithm, quick=quick, report=report)
+    if json is not None:
+        _write_json(json, result.to_json())
+    if json != "-":
+        from uwsim.bench.records import markdown
+
+        _print(markdown(result))
+
+
+@app.command()
+def restore(
+    method: Annotated[str, typer.Argument(help="Name of a restoration method, or the path of your own .py file")],
+    images: Annotated[list[Path], typer.Argument(help="8-bit colour photographs")],
+    out: Out,
+    json: JsonOut = None,
+) -> None:
+    """Restore photographs and print their no-reference scores, before and after."""
+    from uwsim import commands
+
+    if json not in (None, "-"):
+        _parent(Path(json))
+    with _progress() as report:
+        rows = commands.restore_photographs(method, images, out, report=report)
+    if json is not None:
+        import json as json_module
+
+        _write_json(json, json_module.dumps(rows, indent=1) + "\n")
+    if json != "-":
+        _print(commands.restoration_table(rows))
+
+
+@app.command()
+def report(
+    dataset: Annotated[Path, typer.Option(help="Dataset folder.")],
+    out: Annotated[Path, typer.Option("--out", help="HTML file to write.")],
+    bench: Annotated[list[Path] | None, typer.Option(help="Result of `uwsim bench --json`; repeatable.")] = None,
+) -> None:
+    """Write one static page: frames beside their truth, scores, plots, environment."""
+    from uwsim import commands
+
+    _parent(out)
+    commands.write_page(dataset, out, [commands.read_result(path) for path in bench or []])
+    _print(f"{out}")
+
+
+@app.command()
+def demo(out: Out = Path("demo")) -> None:
+    """The whole loop: render a small dataset, score the algorithms, write the report (a few minutes)."""
+    from uwsim import commands
+
+    with _progress() as report:
+        page = commands.demonstrate(out, report=report)
+    _print(f"open {page}")
+
+
+def _progress():
+    """Return a context manager that gives `report(text, done, total)`, drawn as a bar on standard error."""
+    from uwsim.progress import bar
+
+    return bar()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,182 @@
+"""What the commands of `uwsim.cli` do, without printing."""
+
+import re
+import shutil
+from pathlib import Path
+
+from uwsim.progress import Report
+
+
+def sized_scene(name: str, size: str | None):
+    """Return a scene, its camera resized to `WIDTHxHEIGHT` with the same horizontal field of view if given."""
+    from uwsim.scene.load import load_scene, scene_values, validated
+    from uwsim.scene.models import Scene
+
+    if size is None:
+        return load_scene(name)
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
+    if not match:
+        raise ValueError(f"--size: got {size!r}, allowed: WIDTHxHEIGHT such as 320x240")
+    values, path = scene_values(name)
+    scene = validated(Scene, values, where=path)
+    if scene.rig.camera.K_px is not None:
+        raise ValueError(f"--size: {path} gives K_px, which belongs to one image size; change the file instead")
+    values["rig"]["camera"] |= {"width_px": int(match[1]), "height_px": int(match[2])}
+    return validated(Scene, values, where=f"--size {size}")
+
+
+def _new_folder(out: Path) -> None:
+    if out.exists():
+        raise ValueError(f"--out {out}: exists already, allowed: a new folder")
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"--out {out}: the folder {out.parent} does not exist")
+
+
+def render_scene(scene, out: Path, *, samples: int, batches: int, seed: int, report: Report) -> None:
+    """Render a scene into a new frame folder `out`."""
+    from uwsim.dataset.frame import write_frame
+    from uwsim.dataset.make import make_frame
+    from uwsim.render import transport, variants
+
+    _new_folder(out)
+    transport.check_samples(samples, batches)
+    variants.use()
+    image, buffers, info = make_frame(
+        scene, name=out.name, group="single", seed=seed, frame=0, samples_per_pixel=samples, batches=batches,
+        progress=lambda what, done, total: report(f"{scene.name}: {what}", done, total),
+    )  # fmt: skip
+    write_frame(out, image=image, buffers=buffers, info=info)
+
+
+def render_geometry(scene, out: Path) -> None:
+    """Cast rays and write the geometry buffers to `out`/geometry.exr; works without libLLVM."""
+    from uwsim.dataset import exr
+    from uwsim.dataset.frame import BUFFERS
+    from uwsim.render import geometry, transport, variants
+
+    _new_folder(out)
+    variants.use(geometry=True)
+    view = transport.view_of(scene)
+    buffers = geometry.geometry(scene, view, world_from_camera=scene.rig.world_from_rig)
+    out.mkdir()
+    exr.write(out / "geometry.exr", {name: (image, BUFFERS[name][1]) for name, image in buffers.items()})
+
+
+def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report):
+    """Generate (or finish) a dataset and return it."""
+    from uwsim.dataset.generate import generate
+    from uwsim.dataset.recipe import load_recipe
+    from uwsim.render import variants
+
+    loaded, path = load_recipe(recipe)
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"--out {out}: the folder {out.parent} does not exist")
+    variants.use()
+
+    def progress(frame, frames, what, done, total):
+        report(f"{loaded.name}: frame {frame + 1} of {frames}, {what}", frame * total + done, frames * total)
+
+    return generate(loaded, out, where=path, resume=resume, progress=progress)
+
+
+def run_benchmark(name: str, dataset: Path | None, *, algorithms: list[str] | None, quick: bool, report: Report):
+    """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/."""
+    from uwsim.bench.definition import read_definition
+    from uwsim.bench.run import run
+    from uwsim.dataset import store
+
+    if dataset is None:
+        recipe = read_definition(name)[1].dataset
+        dataset = Path("out") / Path(recipe).stem
+        dataset.parent.mkdir(exist_ok=True)
+        generate_dataset(recipe, dataset, resume=True, report=report)
+    return run(name, store.open(dataset), algorithms=algorithms, quick=quick, progress=report)
+
+
+def read_result(path: Path) -> dict:
+    """Read a result of `uwsim bench --json`."""
+    from uwsim.bench.records import read_result as read
+
+    return read(path).to_dict()
+
+
+def restore_photographs(method: str, images: list[Path], out: Path, *, report: Report) -> list[dict]:
+    """Restore photographs into `out`/<name>.png; every input is read and restored before anything is written.
+
+    Returns one row per picture: `image`, `method`, `milliseconds`, and before and after of each no-reference metric.
+    """
+    from uwsim import discovery
+    from uwsim.bench import restoration as bench
+    from uwsim.bench.task import Case
+    from uwsim.images import read_srgb, write_png
+    from uwsim.restoration import algorithms
+
+    module = discovery.find(algorithms, method)
+    name = module.__name__.rpartition(".")[2]
+    if missing := discovery.missing_packages(module):
+        raise ValueError(f"{name}: needs {', '.join(missing)}, not installed")
+    if needs := tuple(getattr(module, "NEEDS", ())):
+        raise ValueError(f"{name}: needs {', '.join(needs)}, which a photograph does not come with")
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: is a file, allowed: a folder")
+    pictures = [read_srgb(path) for path in images]
+    names = [f"{path.stem}.png" for path in images]
+    if repeated := sorted({n for n in names if names.count(n) > 1}):
+        raise ValueError(f"images: two would be written to {out / repeated[0]}, allowed: different names")
+    rows, restored = [], []
+    for done, (path, picture) in enumerate(zip(images, pictures, strict=True)):
+        report(f"{name}: {path.name}", done, len(images))
+        output, elapsed_ms = bench.restored(module, name, (), Case(str(path), picture, makers={}, truth=None))
+        before, after = _no_reference(picture), _no_reference(output)
+        scores = {key: {"before": before[key], "after": after[key]} for key in before}
+        rows.append({"image": path.name, "method": name, "milliseconds": elapsed_ms} | scores)
+        restored.append(output)
+    out.mkdir(parents=True, exist_ok=True)
+    for file, picture in zip(names, restored, strict=True):
+        write_png(out / file, picture)
+    return rows
+
+
+def _no_reference(picture) -> dict[str, float]:
+    from uwsim.metrics import uciqe, uiqm
+
+    return {"uciqe_o": uciqe.uciqe_o(picture), "uiqm_f": uiqm.uiqm_f(picture), "uiqm_m": uiqm.uiqm_m(picture)}
+
+
+def restoration_table(rows: list[dict]) -> str:
+    """Return the rows of `restore_photographs` as a Markdown table."""
+    metrics = [key for key, value in rows[0].items() if isinstance(value, dict)]
+    lines = [f"| image | {' | '.join(f'{m} before | after' for m in metrics)} | time [ms] |"]
+    lines.append("|---" * (2 * len(metrics) + 2) + "|")
+    for row in rows:
+        scores = " | ".join(f"{row[m]['before']:.3f} | {row[m]['after']:.3f}" for m in metrics)
+        lines.append(f"| {row['image']} | {scores} | {row['milliseconds']:.1f} |")
+    lines.append("\nNo-reference scores say little about truth: white noise has a UCIQE-O of 0.662.")
+    return "\n".join(lines)
+
+
+def write_page(dataset: Path, out: Path, results: list[dict]) -> None:
+    """Write the report of a dataset and of benchmark results on it."""
+    from uwsim.bench.report import write_report
+    from uwsim.dataset import store
+
+    opened = store.open(dataset)
+    environment = {key: opened.manifest[key] for key in ("versions", "machine", "commit")}
+    write_report(out, dataset=opened, results=results, environment=environment)
+
+
+def demonstrate(out: Path, *, report: Report) -> Path:
+    """Render the demo dataset (or finish it), run the benchmarks, write the report; return the page."""
+    from uwsim.bench.run import TASKS
+
+    out.mkdir(parents=True, exist_ok=True)
+    generate_dataset("demo", out / "dataset", resume=True, report=report)
+    results = []
+    for name in TASKS:
+        result = run_benchmark(name, out / "dataset", algorithms=None, quick=False, report=report)
+        result.write(out / f"{name}.json")
+        results.append(result.to_dict())
+    page = out / "report.html"
+    report("report", 0, 1)
+    write_page(out / "dataset", page, results)
+    return page

@@ -1,0 +1,76 @@
+"""Verify a dataset: checksums, files, shapes, finiteness, agreement of the parts."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from uwsim.dataset import store
+from uwsim.dataset.frame import FILES, Frame, check_buffers
+
+
+def check(folder: Path, *, progress: Callable[[int, int], None] | None = None) -> int:
+    """Return the number of frames of a sound dataset; ValueError in one line naming the first fault."""
+    dataset = store.open(folder)
+    _check_files(dataset)
+    for done, name in enumerate(dataset.frame_names, start=1):
+        check_frame(dataset.frame(name))
+        if progress is not None:
+            progress(done, len(dataset))
+    return len(dataset)
+
+
+def _check_files(dataset: store.Dataset) -> None:
+    listed = dataset.manifest["files"]
+    frames = dataset.folder / "frames"
+    found = {path.relative_to(dataset.folder).as_posix() for path in frames.rglob("*") if path.is_file()}
+    partial = sorted(name for name in found if ".partial" in name)
+    if partial:
+        raise ValueError(f"{dataset.folder}: half-written file {partial[0]}")
+    if missing := sorted(set(listed) - found):
+        raise ValueError(f"{dataset.folder}: file {missing[0]} is missing")
+    if extra := sorted(found - set(listed)):
+        raise ValueError(f"{dataset.folder}: file {extra[0]} is not listed in dataset.json")
+    expected = {f"frames/{name}/{file}" for name in dataset.frame_names for file in FILES}
+    if absent := sorted(expected - set(listed)):
+        raise ValueError(f"{dataset.folder}: {absent[0]} is not part of the dataset")
+    for name, checksum in store.checksums(dataset.folder).items():
+        if checksum != listed[name]:
+            raise ValueError(f"{dataset.folder}: {name} was changed (checksum differs from dataset.json)")
+
+
+def check_frame(frame: Frame) -> None:
+    """Raise ValueError unless a frame's pictures fit its description and each other."""
+    camera, where = frame.info.camera, str(frame.folder)
+    if frame.folder.name != frame.name:
+        raise ValueError(f"{where}: frame.json calls itself {frame.name!r}")
+    size = (camera.height_px, camera.width_px)
+    if frame.image.shape != (*size, 3):
+        raise ValueError(f"{where}: image.png is {frame.image.shape[:2]}, allowed: {size} as in frame.json")
+    buffers = {name: frame.buffer(name) for name in frame.buffer_names}
+    check_buffers(buffers, height=size[0], width=size[1], where=where)
+    seen = buffers["instance"] > 0
+    if np.any(np.isfinite(buffers["range"]) != seen):
+        raise ValueError(f"{where}: range and instance disagree about where a body is seen")
+    known = {body.instance for body in frame.info.bodies}
+    if unknown := set(np.unique(buffers["instance"]).tolist()) - known - {0}:
+        raise ValueError(f"{where}: instance {sorted(unknown)} is not among the bodies of frame.json")
+    for name in ("radiance", "water_free", "standard_error", "transmission", "albedo"):
+        if buffers[name].min() < 0:
+            raise ValueError(f"{where}: {name} has negative values, allowed: >= 0")
+    for name in ("transmission", "albedo"):
+        if buffers[name].max() > 1.001:
+            raise ValueError(f"{where}: {name} exceeds 1")
+    _check_geometry(frame, buffers, seen)
+
+
+def _check_geometry(frame: Frame, buffers: dict[str, np.ndarray], seen: np.ndarray) -> None:
+    """The two distances agree with the camera, and normals have unit length (half precision)."""
+    from uwsim.camera import pinhole
+
+    directions = pinhole.ray_directions(frame.K, width_px=seen.shape[1], height_px=seen.shape[0])
+    expected = buffers["range"][seen] * directions[..., 2][seen]
+    if not np.allclose(buffers["z_depth"][seen], expected, rtol=1e-4):
+        raise ValueError(f"{frame.folder}: z_depth does not agree with range and K")
+    if not np.allclose(np.linalg.norm(buffers["normal"], axis=-1)[seen], 1, atol=5e-3):
+        raise ValueError(f"{frame.folder}: normals are not of unit length")

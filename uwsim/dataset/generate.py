@@ -1,0 +1,102 @@
+"""Generate a dataset: one frame after the other, each complete or absent; interruptions change nothing."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from uwsim import provenance
+from uwsim.dataset import store
+from uwsim.dataset.frame import FORMAT_VERSION, write_frame
+from uwsim.dataset.make import make_frame
+from uwsim.dataset.recipe import Recipe, draw_scene, resolved
+
+Progress = Callable[[int, int, str, int, int], None]
+
+
+def generate(recipe: Recipe, out: Path, *, where: object, resume: bool, progress: Progress | None = None) -> store.Dataset:
+    """Generate the frames of `recipe` into `out` and return the dataset.
+
+    where: the recipe's path, for messages and relative scene paths. resume: go on in a folder where the same
+    recipe was begun; without it the folder must be empty or absent.
+    progress: called with (frame, frames, picture, done, total).
+
+    Every scene is drawn and checked before the first is rendered. Raises ValueError in one line.
+    """
+    scenes = [draw_scene(recipe, frame, where=where) for frame in range(recipe.frames)]
+    manifest = _begin(recipe, Path(out), resume=resume)
+    frames = Path(out) / "frames"
+    frames.mkdir(exist_ok=True)
+    for frame, scene in enumerate(scenes):
+        folder = frames / f"{frame:06d}"
+        if folder.is_dir():
+            continue
+        started = time.monotonic()
+        report = None
+        if progress is not None:
+            report = lambda what, done, total, frame=frame: progress(frame, recipe.frames, what, done, total)  # noqa: E731
+        image, buffers, info = make_frame(
+            scene, name=folder.name, group=recipe.locate(frame)[0].name, seed=recipe.seed, frame=frame,
+            samples_per_pixel=recipe.samples_per_pixel, batches=recipe.batches, progress=report,
+        )  # fmt: skip
+        write_frame(folder, image=image, buffers=buffers, info=info)
+        _log(Path(out), frame=folder.name, seconds=round(time.monotonic() - started, 3))
+    manifest |= {"complete": True, "files": store.checksums(Path(out))}
+    store.write_manifest(Path(out), manifest)
+    return store.open(Path(out))
+
+
+def _begin(recipe: Recipe, out: Path, *, resume: bool) -> dict:
+    """Return the manifest of an unfinished dataset in `out`, new or the one found there."""
+    manifest = {
+        "format": FORMAT_VERSION,
+        "name": recipe.name,
+        "complete": False,
+        "seed": recipe.seed,
+        "recipe": resolved(recipe),
+        "versions": _versions(),
+        "commit": provenance.commit(),
+        "machine": _machine(),
+        "files": {},
+    }
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: is a file, allowed: an empty or new folder")
+    if out.is_dir() and any(out.iterdir()):
+        if not resume:
+            raise ValueError(f"--out {out}: the folder is not empty; go on with --resume, or choose another folder")
+        found = store.read_manifest(out)
+        for key in ("format", "name", "seed", "recipe", "versions", "machine"):
+            if found[key] != manifest[key]:
+                raise ValueError(f"--resume {out}: {key} differs from what was begun there; choose another folder")
+        _remove_leftovers(out)
+        manifest["commit"] = found["commit"]
+    out.mkdir(parents=True, exist_ok=True)
+    store.write_manifest(out, manifest)
+    return manifest
+
+
+def _remove_leftovers(out: Path) -> None:
+    """Delete what a killed run left half-written."""
+    import shutil
+
+    for folder in (out / "frames").glob("*.partial"):
+        shutil.rmtree(folder)
+    for file in out.glob(".partial-*"):
+        file.unlink()
+
+
+def _versions() -> dict:
+    return provenance.versions()
+
+
+def _machine() -> dict:
+    from uwsim.render import llvm
+
+    choice = llvm.choose()
+    return provenance.machine(libllvm=choice.path, llvm_version=choice.version)
+
+
+def _log(out: Path, **entry) -> None:
+    entry = {"time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())} | entry
+    with (out / "run.jsonl").open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps(entry) + "\n")

@@ -1,0 +1,154 @@
+"""A recipe: groups of frames, each a base scene with fixed changes and drawn values.
+
+Keys of `set` and `draw` are paths into the scene file, such as `water.particle_factor`, `rig.camera.width_px`,
+`rig.lamps.0.half_angle_deg` or `bodies.board.rotation_deg` (bodies and lamps by name or number).
+"""
+
+import copy
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, TypeAdapter, model_validator
+
+from uwsim import seeds
+from uwsim.files import find_shipped
+from uwsim.scene.base import Strict
+from uwsim.scene.load import read_toml, scene_values, validated
+from uwsim.scene.models import Scene
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+
+
+class Uniform(Strict):
+    """A number, or a list of numbers, uniform between `low` and `high`."""
+
+    distribution: Literal["uniform", "log_uniform"]
+    low: float | tuple[float, ...]
+    high: float | tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        low, high = np.asarray(self.low), np.asarray(self.high)
+        if low.shape != high.shape or np.any(low > high):
+            raise ValueError(f"low is {self.low}, high is {self.high}; allowed: same length, low <= high")
+        if self.distribution == "log_uniform" and np.any(low <= 0):
+            raise ValueError(f"low is {self.low}, allowed for log_uniform: above 0")
+        return self
+
+    def draw(self, rng: np.random.Generator):
+        low, high = np.asarray(self.low, float), np.asarray(self.high, float)
+        if self.distribution == "log_uniform":
+            return np.asarray(np.exp(rng.uniform(np.log(low), np.log(high)))).tolist()
+        return np.asarray(rng.uniform(low, high)).tolist()
+
+
+class Choice(Strict):
+    """One of a list of values; `in_order` takes them in turn over the frames of the group."""
+
+    distribution: Literal["choice", "in_order"]
+    values: Annotated[tuple[str | float | tuple[float, ...] | dict, ...], Field(min_length=1)]
+
+    def pick(self, rng: np.random.Generator, index: int):
+        if self.distribution == "in_order":
+            return self.values[index % len(self.values)]
+        return self.values[int(rng.integers(len(self.values)))]
+
+
+class Group(Strict):
+    """Frames that share a base scene."""
+
+    name: Name
+    scene: str
+    frames: Annotated[int, Field(ge=1, le=1_000_000)]
+    set: dict[str, object] = {}
+    draw: dict[str, Annotated[Uniform | Choice, Field(discriminator="distribution")]] = {}
+
+
+class Recipe(Strict):
+    """A recipe file. Frames are numbered through the groups in order."""
+
+    name: Name
+    description: str
+    seed: Annotated[int, Field(ge=0)]
+    samples_per_pixel: Annotated[int, Field(ge=2, le=1_000_000)]
+    batches: Annotated[int, Field(ge=2, le=64)] = 4
+    set: dict[str, object] = {}
+    group: Annotated[tuple[Group, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _usable(self):
+        if self.samples_per_pixel % self.batches:
+            raise ValueError(f"samples_per_pixel is {self.samples_per_pixel}, allowed: a multiple of batches = {self.batches}")
+        names = [group.name for group in self.group]
+        if len(set(names)) != len(names):
+            raise ValueError(f"group names {names} are not unique")
+        return self
+
+    @property
+    def frames(self) -> int:
+        return sum(group.frames for group in self.group)
+
+    def locate(self, frame: int) -> tuple[Group, int]:
+        """Return the group of a frame and the frame's number inside it."""
+        for group in self.group:
+            if frame < group.frames:
+                return group, frame
+            frame -= group.frames
+        raise ValueError(f"frame {frame}: the recipe has {self.frames} frames")
+
+
+def load_recipe(name: str) -> tuple[Recipe, Path]:
+    """Return a recipe given by its path or by the name of a shipped one, with the path it was read from."""
+    path = find_shipped("scenes/datasets", name)
+    return validated(Recipe, read_toml(path), where=path), path
+
+
+def draw_scene(recipe: Recipe, frame: int, *, where: object) -> Scene:
+    """Return the scene of one frame; the same (recipe, frame) always gives the same scene.
+
+    Raises ValueError naming the recipe if a path does not exist in the scene or a drawn scene is not allowed.
+    """
+    group, index = recipe.locate(frame)
+    base = Path(group.scene)
+    if base.suffix == ".toml" and not base.is_absolute() and (Path(str(where)).parent / base).is_file():
+        base = Path(str(where)).parent / base
+    values, _ = scene_values(str(base))
+    values = copy.deepcopy(values)
+    for path, value in (recipe.set | group.set).items():
+        put(values, path, value, where=where)
+    for path, kind in sorted(group.draw.items()):
+        rng = seeds.generator(recipe.seed, frame, f"draw {path}")
+        drawn = kind.pick(rng, index) if isinstance(kind, Choice) else kind.draw(rng)
+        put(values, path, drawn, where=where)
+    return validated(Scene, values, where=f"{where}: group {group.name}, frame {frame}")
+
+
+def put(values: dict, path: str, value: object, *, where: object) -> None:
+    """Set the entry at a dotted path. New keys and tables are made; the strict scene model refuses unknown ones."""
+    *parents, last = path.split(".")
+    node = values
+    for key in (*parents, None):
+        if not isinstance(node, dict | list):
+            raise ValueError(f"{where}: path {path!r} goes into {node!r}, which has no keys")
+        if key is not None:
+            node = node.setdefault(key, {}) if isinstance(node, dict) else node[_position(node, key, path, where)]
+    if isinstance(node, list):
+        node[_position(node, last, path, where)] = value
+    else:
+        node[last] = value
+
+
+def _position(entries: list, key: str, path: str, where: object) -> int:
+    """Return the index of a list entry given by number or by its name."""
+    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
+    if key in names:
+        return names.index(key)
+    if key.isdigit() and int(key) < len(entries):
+        return int(key)
+    raise ValueError(f"{where}: path {path!r}: no entry {key!r}, allowed: {names or 'none'} or their numbers")
+
+
+def resolved(recipe: Recipe) -> dict:
+    """Return the recipe as plain data for dataset.json."""
+    return TypeAdapter(Recipe).dump_python(recipe, mode="json")

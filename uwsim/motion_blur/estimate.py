@@ -1,0 +1,52 @@
+"""What a blur estimator returns, and the check of what it is given."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+MINIMUM_SIDE_PX = 16
+LONGEST_BLUR_PX = 40.0
+# spread below which an image counts as constant, as a share of its largest value: float32 round-off
+_CONSTANT_SHARE = 1e-6
+
+
+class Estimate(NamedTuple):
+    """Uniform straight motion during the exposure: length and direction (x right, **y up**, in [0, 180))."""
+
+    length_px: float
+    angle_deg: float
+
+
+def grey_from_image(image: np.ndarray, *, where: str) -> np.ndarray:
+    """Return the mean of the channels as (H, W) float64 after checking the image.
+
+    `image` (H, W) or (H, W, C), linear. Raises ValueError if a side is under 16 px, if it holds NaN or
+    infinity, or if it is constant (nothing to see the blur by).
+    """
+    image = np.asarray(image)
+    if image.ndim not in (2, 3) or min(image.shape[:2]) < MINIMUM_SIDE_PX:
+        raise ValueError(
+            f"{where}: image has shape {image.shape}, allowed: (H, W[, C]), H and W >= {MINIMUM_SIDE_PX}"
+        )
+    grey = image.astype(np.float64)
+    if image.ndim == 3:
+        grey = grey.mean(axis=2)
+    if not np.all(np.isfinite(grey)):
+        raise ValueError(
+            f"{where}: image holds {np.sum(~np.isfinite(grey))} NaN or infinite pixels, allowed: none"
+        )
+    if np.ptp(grey) <= _CONSTANT_SHARE * np.abs(grey).max():
+        raise ValueError(f"{where}: image is constant, allowed: an image with texture")
+    return grey
+
+
+def longest_length_px(shape: tuple[int, ...]) -> float:
+    """Return the longest blur searched for in an image [px]: 40 px, in small images less than half a side."""
+    return min(LONGEST_BLUR_PX, min(shape[:2]) / 2 - 2)
+
+
+def estimate_from_vector(right_px: float, up_px: float) -> Estimate:
+    """Return length and direction of a displacement given in pixels to the right and up."""
+    angle_deg = float(np.degrees(np.arctan2(up_px, right_px))) % 180.0
+    # the remainder of a tiny negative angle rounds to 180 itself
+    return Estimate(float(np.hypot(right_px, up_px)), 0.0 if angle_deg >= 180.0 else angle_deg)

@@ -1,0 +1,131 @@
+"""Bodies as Mitsuba shapes."""
+
+import numpy as np
+
+from uwsim.optics.spectrum import WAVELENGTHS_NM
+from uwsim.scene import bodies as kinds
+from uwsim.scene import markers
+
+# How far the patches of a ColorChecker stand out of its frame, and markers out of their board.
+_RELIEF_M = 1e-4
+
+
+def spectrum(values: np.ndarray, *, where: str = "spectrum") -> dict:
+    """Return a Mitsuba spectrum that interpolates values (61,) on the project's grid."""
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"{where}: not finite")
+    if not np.any(values):
+        return {"type": "uniform", "value": 0.0}  # Mitsuba refuses a table of zeros
+    text = ",".join(f"{value:.9g}" for value in values)
+    low, high = float(WAVELENGTHS_NM[0]), float(WAVELENGTHS_NM[-1])
+    return {"type": "regular", "wavelength_min": low, "wavelength_max": high, "values": text}
+
+
+def tensor(mi, values: np.ndarray):
+    """Return an array as a rank-3 tensor, the form in which Mitsuba hands arrays to plugins."""
+    values = np.asarray(values, dtype=np.float32)
+    return mi.TensorXf(values.reshape(values.shape + (1,) * (3 - values.ndim)))
+
+
+def body_shapes(mi, body, *, black: bool) -> dict[str, object]:
+    """Return the Mitsuba shapes of one body by the name of its part; `black` bodies absorb all light."""
+    matrix = body.world_from_body
+    match body:
+        case kinds.Rectangle():
+            return {"face": _rectangle(mi, matrix, body.width_m, body.height_m, _diffuse(body.spectrum, black))}
+        case kinds.MarkerBoard():
+            return _marker_board(mi, body, black)
+        case kinds.Chart():
+            bsdf = _two_tones(mi, body.coverage, body.spectra, black, smooth=body.smooth)
+            return {"face": _rectangle(mi, matrix, body.width_m, body.height_m, bsdf)}
+        case kinds.ColorChecker():
+            return _colorchecker(mi, body, black)
+        case kinds.Heightfield():
+            return {"face": _relief(mi, body, _both_sides(_diffuse(body.spectrum, black)))}
+        case kinds.Mesh():
+            scaled = matrix @ np.diag([body.scale] * 3 + [1.0])
+            return {
+                "face": {
+                    "type": body.file.suffix.lower().removeprefix("."),
+                    "filename": str(body.file),
+                    "to_world": mi.ScalarTransform4f(scaled),
+                    "bsdf": _both_sides(_diffuse(body.spectrum, black)),
+                }
+            }
+    raise TypeError(f"no shape for a body of type {type(body).__name__}")
+
+
+def _diffuse(reflectance: np.ndarray, black: bool) -> dict:
+    return {"type": "diffuse", "reflectance": spectrum(np.zeros_like(reflectance) if black else reflectance)}
+
+
+def _both_sides(bsdf: dict) -> dict:
+    return {"type": "twosided", "bsdf": bsdf}
+
+
+def _two_tones(mi, coverage: np.ndarray, tones, black: bool, *, smooth: bool) -> dict:
+    """Return a BSDF that mixes the dark and the bright tone by `coverage` (rows, columns), row 0 on top."""
+    dark, bright = tones
+    weight = {
+        "type": "bitmap",
+        # Mitsuba puts row 0 at the bottom of a rectangle
+        "bitmap": mi.Bitmap(np.ascontiguousarray(coverage[::-1], dtype=np.float32)[..., None]),
+        "raw": True,
+        "filter_type": "bilinear" if smooth else "nearest",
+        "wrap_mode": "clamp",
+    }
+    return {"type": "blendbsdf", "weight": weight, "first": _diffuse(dark, black), "second": _diffuse(bright, black)}
+
+
+def _rectangle(mi, matrix: np.ndarray, width_m: float, height_m: float, bsdf: dict) -> dict:
+    to_world = matrix @ np.diag([width_m / 2, height_m / 2, 1.0, 1.0])
+    return {"type": "rectangle", "to_world": mi.ScalarTransform4f(to_world), "bsdf": _both_sides(bsdf)}
+
+
+def _at(matrix: np.ndarray, x_m: float, y_m: float, z_m: float) -> np.ndarray:
+    offset = np.eye(4)
+    offset[:3, 3] = x_m, y_m, z_m
+    return matrix @ offset
+
+
+def _marker_board(mi, body: kinds.MarkerBoard, black: bool) -> dict:
+    """Return markers in the body's plane, one texel per module, on a bright board just behind them."""
+    matrix, size = body.world_from_body, body.marker_size_m
+    board = _rectangle(mi, _at(matrix, 0, 0, -_RELIEF_M), body.width_m, body.height_m, _diffuse(body.spectra[1], black))
+    shapes = {"board": board}
+    for marker_id, corners in zip(body.ids, body.corners_m, strict=True):
+        modules = markers.modules(body.dictionary, marker_id)
+        bsdf = _two_tones(mi, modules, body.spectra, black, smooth=False)
+        shapes[f"marker{marker_id}"] = _rectangle(mi, _at(matrix, *corners.mean(axis=0)), size, size, bsdf)
+    return shapes
+
+
+def _colorchecker(mi, body: kinds.ColorChecker, black: bool) -> dict:
+    matrix, side = body.world_from_body, body.pitch_m * (1 - body.gap_share)
+    frame = np.full(len(WAVELENGTHS_NM), body.frame_reflectance)
+    shapes = {"frame": _rectangle(mi, matrix, body.width_m, body.height_m, _diffuse(frame, black))}
+    for index, (_, (x, y), reflectance) in enumerate(body.patches):
+        place = _at(matrix, x, y, _RELIEF_M)
+        shapes[f"patch{index}"] = _rectangle(mi, place, side, side, _diffuse(reflectance, black))
+    return shapes
+
+
+def _relief(mi, body: kinds.Heightfield, bsdf: dict):
+    """Return a heightfield as a triangle mesh in world coordinates."""
+    heights = body.heights_m
+    rows, columns = heights.shape
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, columns) * body.width_m, np.linspace(0.5, -0.5, rows) * body.height_m)
+    local = np.stack([x, y, heights], axis=-1).reshape(-1, 3)
+    vertices = local @ body.world_from_body[:3, :3].T + body.world_from_body[:3, 3]
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    faces = np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
+
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(bsdf)
+    mesh = mi.Mesh(body.name, vertex_count=len(vertices), face_count=len(faces), props=properties)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.ascontiguousarray(vertices, dtype=np.float32).ravel()
+    parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()
+    parameters.update()
+    return mesh

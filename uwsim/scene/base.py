@@ -1,0 +1,33 @@
+"""What all scene models share."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from uwsim.optics.spectrum import on_grid
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Vector3 = tuple[float, float, float]
+
+
+class Strict(BaseModel):
+    """Frozen, no unknown keys, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Table(Strict):
+    """A spectrum as a table over wavelength; it must cover 400-700 nm."""
+
+    wavelengths_nm: tuple[float, ...]
+    values: tuple[NonNegative, ...]
+
+    @model_validator(mode="after")
+    def _usable(self):
+        self.on_grid(where="spectrum")
+        return self
+
+    def on_grid(self, *, where: str) -> np.ndarray:
+        return on_grid(self.wavelengths_nm, self.values, where=where)
