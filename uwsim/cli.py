@@ -86,7 +86,11 @@ def doctor(json: JsonOut = None) -> None:
 
     diagnosis = diagnose()
     if json is not None:
-        content = {"rows": [row._asdict() for row in diagnosis.rows], "problems": diagnosis.problems, "remedy": diagnosis.remedy}
+        content = {
+            "rows": [row._asdict() for row in diagnosis.rows],
+            "problems": diagnosis.problems,
+            "remedy": diagnosis.remedy,
+        }
         _write_json(json, json_module.dumps(content, indent=1) + "\n")
     if json != "-":
         table = Table("what", "found", "state")

@@ -1,7 +1,6 @@
 """What the commands of `uwsim.cli` do, without printing."""
 
 import re
-import shutil
 from pathlib import Path
 
 from uwsim.progress import Report
@@ -9,8 +8,9 @@ from uwsim.progress import Report
 
 def sized_scene(name: str, size: str | None):
     """Return a scene, its camera resized to `WIDTHxHEIGHT` with the same horizontal field of view if given."""
-    from uwsim.scene.load import load_scene, scene_values, validated
+    from uwsim.scene.load import load_scene, scene_values
     from uwsim.scene.models import Scene
+    from uwsim.validation import validated
 
     if size is None:
         return load_scene(name)
@@ -28,8 +28,14 @@ def sized_scene(name: str, size: str | None):
 def _new_folder(out: Path) -> None:
     if out.exists():
         raise ValueError(f"--out {out}: exists already, allowed: a new folder")
+    _folder(out)
+
+
+def _folder(out: Path) -> None:
     if not out.resolve().parent.is_dir():
         raise ValueError(f"--out {out}: the folder {out.parent} does not exist")
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: is a file, allowed: a folder")
 
 
 def render_scene(scene, out: Path, *, samples: int, batches: int, seed: int, report: Report) -> None:
@@ -69,8 +75,7 @@ def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report):
     from uwsim.render import variants
 
     loaded, path = load_recipe(recipe)
-    if not out.resolve().parent.is_dir():
-        raise ValueError(f"--out {out}: the folder {out.parent} does not exist")
+    _folder(out)
     variants.use()
 
     def progress(frame, frames, what, done, total):
@@ -117,12 +122,13 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
         raise ValueError(f"{name}: needs {', '.join(missing)}, not installed")
     if needs := tuple(getattr(module, "NEEDS", ())):
         raise ValueError(f"{name}: needs {', '.join(needs)}, which a photograph does not come with")
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"--out {out}: is a file, allowed: a folder")
+    _folder(out)
     pictures = [read_srgb(path) for path in images]
     names = [f"{path.stem}.png" for path in images]
     if repeated := sorted({n for n in names if names.count(n) > 1}):
         raise ValueError(f"images: two would be written to {out / repeated[0]}, allowed: different names")
+    if over := [path for path, n in zip(images, names, strict=True) if (out / n).resolve() == path.resolve()]:
+        raise ValueError(f"--out {out}: {over[0]} would be overwritten, allowed: another folder")
     rows, restored = [], []
     for done, (path, picture) in enumerate(zip(images, pictures, strict=True)):
         report(f"{name}: {path.name}", done, len(images))
@@ -131,7 +137,7 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
         scores = {key: {"before": before[key], "after": after[key]} for key in before}
         rows.append({"image": path.name, "method": name, "milliseconds": elapsed_ms} | scores)
         restored.append(output)
-    out.mkdir(parents=True, exist_ok=True)
+    out.mkdir(exist_ok=True)
     for file, picture in zip(names, restored, strict=True):
         write_png(out / file, picture)
     return rows
@@ -169,7 +175,8 @@ def demonstrate(out: Path, *, report: Report) -> Path:
     """Render the demo dataset (or finish it), run the benchmarks, write the report; return the page."""
     from uwsim.bench.run import TASKS
 
-    out.mkdir(parents=True, exist_ok=True)
+    _folder(out)
+    out.mkdir(exist_ok=True)
     generate_dataset("demo", out / "dataset", resume=True, report=report)
     results = []
     for name in TASKS:

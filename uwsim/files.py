@@ -1,9 +1,10 @@
 """Files that are complete or absent, checksums, and the data that ships with the package."""
 
+import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
@@ -40,6 +41,19 @@ def read_json(path: Path) -> object:
         raise ValueError(f"{path}: not readable as JSON: {error}") from error
 
 
+@contextlib.contextmanager
+def no_stderr() -> Iterator[None]:
+    """Silence what compiled libraries write to the standard error stream of the process."""
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
 def sha256(path: Path) -> str:
     """Return the SHA-256 checksum of a file as 64 hexadecimal digits."""
     with Path(path).open("rb") as stream:
@@ -69,4 +83,4 @@ def find_shipped(folder: str, name: str) -> Path:
         if candidate.is_file():
             return candidate
     known = ", ".join(sorted(path.stem for path in shipped(folder).glob("*.toml")))
-    raise ValueError(f"{folder}: got {name!r}, which is no TOML file; allowed: a path or one of {known}")
+    raise ValueError(f"{folder}: got {name!r}, no such TOML file; allowed: a path or one of {known}")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uwsim.files import write_atomically
+from uwsim.files import no_stderr, write_atomically
 
 
 def srgb_encode(linear: np.ndarray) -> np.ndarray:
@@ -29,6 +29,18 @@ def linear_from_srgb_uint8(image: np.ndarray) -> np.ndarray:
     return srgb_decode(np.arange(256) / 255.0).astype(np.float32)[image]
 
 
+def decode(path: Path, flags: int) -> np.ndarray | None:
+    """Decode an image file by OpenCV's flags; None if it is no image or truncated."""
+    import cv2
+
+    data = np.frombuffer(Path(path).read_bytes(), np.uint8)
+    try:
+        with no_stderr():
+            return cv2.imdecode(data, flags) if data.size else None
+    except cv2.error:
+        return None
+
+
 def read_srgb(path: Path) -> np.ndarray:
     """Read an 8-bit colour image file as (H, W, 3) uint8, R, G, B.
 
@@ -39,13 +51,9 @@ def read_srgb(path: Path) -> np.ndarray:
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"{path}: no such image file")
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    if data.size == 0:
+    if path.stat().st_size == 0:
         raise ValueError(f"{path}: the image file is empty (0 bytes)")
-    try:
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        image = None
+    image = decode(path, cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ValueError(f"{path}: not an image that can be read (allowed: PNG, JPEG, TIFF, BMP, WebP)")
     if image.dtype != np.uint8:

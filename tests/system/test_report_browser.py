@@ -36,9 +36,7 @@ def page(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     dataset = synthetic_dataset(folder / "synthetic")
     results = [run(name, dataset).to_dict() for name in ("restoration", "blur", "pose")]
-    write_report(
-        folder / "report.html", dataset=dataset, results=results, environment={"versions": {"a": "1"}}
-    )
+    write_report(folder / "report.html", dataset=dataset, results=results, environment={"versions": {"a": "1"}})
     return folder / "report.html"
 
 
@@ -117,9 +115,7 @@ def column(browser, table: int, index: int) -> list[str]:
 
 def test_tables_sort_both_ways_and_say_so(opened):
     tables = find(opened, "table.sortable")
-    number = next(
-        i for i, t in enumerate(tables) if "restoration, all cases" in t.get_attribute("textContent")
-    )
+    number = next(i for i, t in enumerate(tables) if "restoration, all cases" in t.get_attribute("textContent"))
     (head,) = [h for h in tables[number].find_elements("css selector", "th") if "PSNR" in h.text]
     button = head.find_element("css selector", "button")
     before = column(opened, number, 2)
@@ -155,8 +151,6 @@ def test_a_narrow_screen_does_not_scroll_sideways(opened, scheme):
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     opened.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     assert opened.execute_script("return document.documentElement.scrollWidth") == 390
-    ink, paper = opened.execute_script(
-        "const s = getComputedStyle(document.body); return [s.color, s.backgroundColor]"
-    )
+    ink, paper = opened.execute_script("const s = getComputedStyle(document.body); return [s.color, s.backgroundColor]")
     brightness = [sum(map(int, colour[4:-1].split(","))) for colour in (ink, paper)]
     assert (brightness[0] < brightness[1]) == (scheme == "light")

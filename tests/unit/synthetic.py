@@ -159,13 +159,9 @@ def _write(folder: Path, frame: int) -> None:
             "flow_start": np.tile(-half, (*shape, 1)),
             "flow_end": np.tile(half, (*shape, 1)),
         }
-    buffers = {
-        name: np.asarray(v, np.uint32 if name == "instance" else np.float32) for name, v in buffers.items()
-    }
+    buffers = {name: np.asarray(v, np.uint32 if name == "instance" else np.float32) for name, v in buffers.items()}
     image = expose(radiance, **SENSOR, rng=np.random.default_rng(frame))
-    write_frame(
-        folder, image=image, buffers=buffers, info=FrameInfo.model_validate(_info(frame, attenuation, moving))
-    )
+    write_frame(folder, image=image, buffers=buffers, info=FrameInfo.model_validate(_info(frame, attenuation, moving)))
 
 
 def _info(frame: int, attenuation: np.ndarray, moving: bool) -> dict:

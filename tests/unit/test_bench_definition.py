@@ -39,7 +39,7 @@ def test_a_path_is_read(tmp_path):
     [
         ({"speed": "1"}, ["speed", "unknown key", "quick_cases"]),
         ({"dataset": None}, ["dataset", "missing"]),
-        ({"quick_cases": "0"}, ["quick_cases", "0", "greater than or equal to 1"]),
+        ({"quick_cases": "0"}, ["quick_cases", "0", ">= 1"]),
         ({"quick_cases": '"2"'}, ["quick_cases", "'2'"]),
         ({"task": '"colour"'}, ["task", "colour", "restoration"]),
         ({"algorithms": '["none", "none"]'}, ["algorithms", "none", "once"]),

@@ -51,7 +51,7 @@ def test_missing_estimates_are_counted_in_the_note():
 
 
 def test_json_has_no_infinity_and_comes_back_equal(tmp_path):
-    made = result(record(), record(value=None, note="identical images"))
+    made = result(record(), record(case="000001", value=None, note="identical images"))
     made.write(tmp_path / "result.json")
     assert "Infinity" not in (tmp_path / "result.json").read_text()
     assert set(json.loads(made.to_json())) == {"benchmark", "provenance", "records"}

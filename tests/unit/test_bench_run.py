@@ -69,9 +69,7 @@ def test_inputs_say_what_the_docstring_says(dataset):
     assert inputs["lamps"][0]["position_m"] == pytest.approx([-0.3, 0, 0], abs=1e-12)
     assert inputs["lamps"][0]["direction"] == pytest.approx([0, 0, 1], abs=1e-12)
     radiance = dataset.frame("000000").buffer("backscatter")
-    assert inputs["backscatter"] == pytest.approx(
-        radiance * inputs["camera"]["linear_per_radiance"], rel=1e-6
-    )
+    assert inputs["backscatter"] == pytest.approx(radiance * inputs["camera"]["linear_per_radiance"], rel=1e-6)
 
 
 def test_blur_scores_the_moving_frame_and_splits_off_uniform_motion(dataset):
@@ -190,9 +188,7 @@ def test_identical_images_are_null_and_say_so(dataset, monkeypatch):
     monkeypatch.setattr(restoration, "reference", lambda frame: frame.image)
     result = run("restoration", dataset, quick=True)
     assert values(result, "psnr")["none"] is None
-    notes = {
-        record.note for record in result.records if (record.algorithm, record.metric) == ("none", "psnr")
-    }
+    notes = {record.note for record in result.records if (record.algorithm, record.metric) == ("none", "psnr")}
     assert notes == {"identical images"}
 
 

@@ -148,9 +148,7 @@ def check_solve(module):
         assert_same(tuple(first), tuple(called("solve", module, points_m, points, known=known)), "differs")
         few = module.MINIMUM_POINTS - 1
         with pytest.raises(ValueError):
-            called(
-                "solve", module, points_m[:, :few], points[:, :few], known={"true_points": points[:, :few]}
-            )
+            called("solve", module, points_m[:, :few], points[:, :few], known={"true_points": points[:, :few]})
 
 
 CHECKS = {"restore": check_restore, "estimate": check_estimate, "solve": check_solve}

@@ -10,7 +10,7 @@ import uwsim
 
 PACKAGE = Path(uwsim.__file__).parent
 
-LEAVES = {"images", "seeds", "discovery", "files", "provenance"}
+LEAVES = {"images", "seeds", "discovery", "files", "provenance", "validation"}
 # the half of the dataset folder that reads and writes; whoever may read datasets may import all of it
 STORE = {"dataset.store", "dataset.frame", "dataset.exr"}
 
@@ -28,6 +28,7 @@ RULES: dict[str, set[str]] = {
     "pose": {"optics", "camera"},
     "learning": {"restoration", "motion_blur", "dataset.store"},
     "metrics": set(),
+    "progress": set(),
     "bench": {
         "optics",
         "camera",
@@ -43,7 +44,8 @@ RULES: dict[str, set[str]] = {
 }
 # modules with a rule of their own, and two packages' __init__, which run before any of their modules
 NARROW: dict[str, set[str]] = dict.fromkeys(("", *LEAVES), set()) | dict.fromkeys(("dataset", *STORE), STORE)
-EVERYTHING = {"cli", "__main__"}
+# the command line and what its commands do; nothing below may import either
+EVERYTHING = {"cli", "commands", "__main__"}
 RENDERER = {"mitsuba", "drjit"}
 
 
@@ -161,6 +163,7 @@ def plant(root: Path, files: dict[str, str]) -> Path:
         ("cli.py", "def f():\n    import mitsuba"),
         ("images.py", "from uwsim.optics import water"),
         ("__init__.py", "from uwsim import cli"),
+        ("bench/run.py", "from uwsim.progress import bar"),
         ("dataset/store.py", "from uwsim.camera import sensor"),
         ("dataset/store.py", "from uwsim.dataset import generate"),
         ("dataset/frame.py", "from uwsim.render import llvm"),

@@ -199,9 +199,7 @@ class TestPose:
         base = Rotation.from_rotvec([0.3, -1.1, 2.0])
         axis = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
         turned = (base * Rotation.from_rotvec(np.radians(angle_deg) * axis)).as_matrix()
-        assert pose_metrics.rotation_error_deg(turned, base.as_matrix()) == pytest.approx(
-            angle_deg, abs=1e-12 + 1e-13
-        )
+        assert pose_metrics.rotation_error_deg(turned, base.as_matrix()) == pytest.approx(angle_deg, abs=1e-12 + 1e-13)
 
     def test_arccos_form_would_fail_this(self):
         base, small = np.eye(3), Rotation.from_rotvec([0, 0, np.radians(1e-9)]).as_matrix()
@@ -224,9 +222,7 @@ class TestPose:
             pose_metrics.translation_error_percent([1.0, 0, 0], [0.0, 0, 0])
 
     def test_corners(self):
-        np.testing.assert_allclose(
-            pose_metrics.corner_error_px([[3.0, 4], [1, 1]], [[0.0, 0], [1, 1]]), [5, 0]
-        )
+        np.testing.assert_allclose(pose_metrics.corner_error_px([[3.0, 4], [1, 1]], [[0.0, 0], [1, 1]]), [5, 0])
         with pytest.raises(ValueError, match="corner error"):
             pose_metrics.corner_error_px(np.zeros((4, 2)), np.zeros((1, 2)))
 

@@ -27,9 +27,7 @@ def frames(*, length_px, angle_deg, height=192, width=256, seed=0, noise=0.0, bo
     inner = (slice(border_px, -border_px), slice(border_px, -border_px))
     blurred = moved[inner] + noise * np.random.default_rng(seed + 100).standard_normal((height, width))
     blurred = np.rint(255 * np.clip(blurred, 0, 1)) / 255
-    return tuple(
-        np.repeat(picture[..., None], 3, axis=2).astype(np.float32) for picture in (blurred, large[inner])
-    )
+    return tuple(np.repeat(picture[..., None], 3, axis=2).astype(np.float32) for picture in (blurred, large[inner]))
 
 
 def call(module, image, sharp):
@@ -90,14 +88,10 @@ class TestOtf:
 class TestKernel:
     def test_horizontal_line_splits_its_ends(self):
         np.testing.assert_allclose(kernel(5, length_px=4, angle_deg=0)[2], np.array([0.5, 1, 1, 1, 0.5]) / 4)
-        np.testing.assert_allclose(
-            kernel(5, length_px=4, angle_deg=90)[:, 2], np.array([0.5, 1, 1, 1, 0.5]) / 4
-        )
+        np.testing.assert_allclose(kernel(5, length_px=4, angle_deg=90)[:, 2], np.array([0.5, 1, 1, 1, 0.5]) / 4)
 
     def test_diagonal_stays_on_the_diagonal_that_goes_up(self):
-        np.testing.assert_allclose(
-            kernel(3, length_px=3 * np.sqrt(2), angle_deg=45), np.eye(3)[::-1] / 3, atol=1e-12
-        )
+        np.testing.assert_allclose(kernel(3, length_px=3 * np.sqrt(2), angle_deg=45), np.eye(3)[::-1] / 3, atol=1e-12)
 
     @pytest.mark.parametrize("angle_deg", [0, 15, 63.4, 90, 117, 179])
     @pytest.mark.parametrize("length_px", [0, 0.3, 2, 7.7, 20])
@@ -121,9 +115,7 @@ class TestKernel:
 
 
 class TestCepstrumMinimum:
-    @pytest.mark.parametrize(
-        "length_px, angle_deg", [(5, 0), (6, 30), (8, 90), (10, 135), (14, 75), (20, 165)]
-    )
+    @pytest.mark.parametrize("length_px, angle_deg", [(5, 0), (6, 30), (8, 90), (10, 135), (14, 75), (20, 165)])
     def test_long_blur_without_noise(self, length_px, angle_deg):
         """Model tolerance: the texture shifts the minimum, by up to half of the bounds here."""
         image, _ = frames(length_px=length_px, angle_deg=angle_deg, seed=length_px)
@@ -145,9 +137,7 @@ class TestCepstrumMinimum:
         """Known limit, and control that failure is possible: most 2 px blurs with 1 % noise are missed."""
         failed = [
             blur_failure(
-                *errors(
-                    cepstrum_minimum.estimate(frames(length_px=2, angle_deg=a, seed=a, noise=0.01)[0]), 2, a
-                )
+                *errors(cepstrum_minimum.estimate(frames(length_px=2, angle_deg=a, seed=a, noise=0.01)[0]), 2, a)
             )
             for a in range(0, 180, 36)
         ]

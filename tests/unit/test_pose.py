@@ -22,9 +22,7 @@ CUBE_M = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(8, 3)
 def poses(count, *, tilt_deg=40.0, distance_m=1.0, seed=0):
     """Return random (rotation, translation_m) of a target that shows its front, +-20 deg off the axis."""
     rng = np.random.default_rng(seed)
-    turn = Rotation.from_rotvec(
-        rng.uniform(-1, 1, (count, 3)) * np.radians(tilt_deg) / np.sqrt(3)
-    ).as_matrix()
+    turn = Rotation.from_rotvec(rng.uniform(-1, 1, (count, 3)) * np.radians(tilt_deg) / np.sqrt(3)).as_matrix()
     side = rng.uniform(-0.35, 0.35, (count, 2)) * distance_m
     return FACING @ turn, np.column_stack([side, np.full(count, distance_m)])
 
@@ -38,9 +36,7 @@ def problem(target_m, count=20, **options):
 
 class TestGeometry:
     def test_projection_of_known_points(self):
-        np.testing.assert_allclose(
-            project(np.array([[0.0, 0, 2], [0.5, -0.5, 2]]), K), [[160, 120], [260, 17.5]]
-        )
+        np.testing.assert_allclose(project(np.array([[0.0, 0, 2], [0.5, -0.5, 2]]), K), [[160, 120], [260, 17.5]])
         assert np.all(np.isnan(project(np.array([[0.1, 0.1, -1.0]]), K)))
 
     def test_normalise_undoes_projection(self):
@@ -51,9 +47,7 @@ class TestGeometry:
     def test_transform_of_a_batch(self):
         rotation, translation_m = poses(3)
         points_m = np.random.default_rng(1).random((3, 5, 3))
-        expected = [
-            [r @ p + t for p in ps] for r, t, ps in zip(rotation, translation_m, points_m, strict=True)
-        ]
+        expected = [[r @ p + t for p in ps] for r, t, ps in zip(rotation, translation_m, points_m, strict=True)]
         np.testing.assert_allclose(transform(rotation, translation_m, points_m), expected)
 
 
@@ -144,9 +138,7 @@ class TestDetect:
 
 
 class TestSqpnp:
-    @pytest.mark.parametrize(
-        "target_m", [SQUARE_M, OCTAHEDRON_M, CUBE_M], ids=["square", "octahedron", "cube"]
-    )
+    @pytest.mark.parametrize("target_m", [SQUARE_M, OCTAHEDRON_M, CUBE_M], ids=["square", "octahedron", "cube"])
     @pytest.mark.parametrize("distance_m", [0.4, 2.0, 8.0])
     def test_exact_data_give_the_exact_pose(self, target_m, distance_m):
         rotation, translation_m, points_m, points = problem(target_m, distance_m=distance_m)

@@ -50,9 +50,7 @@ class TestOracleInverse:
         image = np.full((4, 4, 3), 0.5, np.float32)
         image[0] = 0.1
         backscatter = np.full_like(image, 0.2)
-        restored = oracle_inverse.restore(
-            image, backscatter=backscatter, transmission=np.full_like(image, 0.2)
-        )
+        restored = oracle_inverse.restore(image, backscatter=backscatter, transmission=np.full_like(image, 0.2))
         assert np.all(restored[0] == 0)
         assert np.all(restored[1:] == 1)
 

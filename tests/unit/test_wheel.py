@@ -37,9 +37,7 @@ def test_the_wheel_holds_what_the_program_reads(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
     shipped = data_files("scenes", "*.toml") | data_files("benchmarks", "*.toml")
-    tables = {
-        name for name in data_files("uwsim", "*") if (ROOT / name).is_file() and "__pycache__" not in name
-    }
+    tables = {name for name in data_files("uwsim", "*") if (ROOT / name).is_file() and "__pycache__" not in name}
     assert {f"uwsim/shipped/{name}" for name in shipped} <= names
     assert tables <= names
     assert "uwsim/dataset/FORMAT.md" in names
@@ -51,11 +49,7 @@ def test_the_wheel_holds_what_the_program_reads(wheel):
 def test_the_installed_wheel_runs_from_another_folder(wheel, tmp_path):
     environment = tmp_path / "venv"
     run(sys.executable, "-m", "venv", "--without-pip", environment)
-    site = Path(
-        run(
-            environment / "bin/python", "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"
-        ).strip()
-    )
+    site = Path(run(environment / "bin/python", "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
     run(*pip, "--python", environment / "bin/python", "install", "--no-deps", "--no-index", wheel)
     # this environment's dependencies, behind the wheel; path files are not followed twice: no editable uwsim
@@ -63,9 +57,7 @@ def test_the_installed_wheel_runs_from_another_folder(wheel, tmp_path):
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    where = run(
-        environment / "bin/python", "-c", "import uwsim; print(uwsim.__file__)", cwd=elsewhere, env=clean
-    )
+    where = run(environment / "bin/python", "-c", "import uwsim; print(uwsim.__file__)", cwd=elsewhere, env=clean)
     assert Path(where.strip()).is_relative_to(site)
     assert "Usage" in run(environment / "bin/uwsim", "--help", cwd=elsewhere, env=clean)
     listing = "from uwsim.files import shipped; print(sum(1 for _ in shipped('benchmarks').glob('*.toml')))"

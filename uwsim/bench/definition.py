@@ -4,9 +4,10 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.files import find_shipped
+from uwsim.validation import validated
 
 Name = Annotated[str, Field(min_length=1)]
 
@@ -16,9 +17,7 @@ class Definition(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
-    task: Annotated[
-        Literal["restoration", "blur", "pose"], Field(description="which kind of algorithm is scored")
-    ]
+    task: Annotated[Literal["restoration", "blur", "pose"], Field(description="which kind of algorithm is scored")]
     description: Annotated[Name, Field(description="one sentence for tables and reports")]
     dataset: Annotated[Name, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")]
     algorithms: Annotated[
@@ -37,9 +36,7 @@ class Definition(BaseModel):
             raise ValueError(f"algorithms: {', '.join(repeated)} listed twice, allowed: each once")
         for key in ("do_nothing", "oracle"):
             if getattr(self, key) is not None and getattr(self, key) not in self.algorithms:
-                raise ValueError(
-                    f"{key}: got {getattr(self, key)!r}, allowed: one of algorithms {self.algorithms}"
-                )
+                raise ValueError(f"{key}: got {getattr(self, key)!r}, allowed: one of algorithms {self.algorithms}")
         return self
 
 
@@ -59,19 +56,4 @@ def _parse(path: Path) -> Definition:
         raise ValueError(f"{path}: not readable as TOML: {error}") from None
     if isinstance(content.get("algorithms"), list):
         content["algorithms"] = tuple(content["algorithms"])
-    try:
-        return Definition.model_validate(content)
-    except ValidationError as error:
-        raise ValueError(f"{path}: {_first_line(error)}") from None
-
-
-def _first_line(error: ValidationError) -> str:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "extra_forbidden":
-        return f"{key}: unknown key, allowed: {', '.join(Definition.model_fields)}"
-    if first["type"] == "missing":
-        return f"{key}: missing, it is required"
-    if first["type"] == "value_error":
-        return str(first["ctx"]["error"])
-    return f"{key}: got {first['input']!r}, allowed: {first['msg']}"
+    return validated(Definition, content, where=path)

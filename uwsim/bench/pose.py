@@ -121,9 +121,7 @@ def points_for(given: tuple[str, ...], view: View) -> Points:
     return view.visible if "true_points" in given else view.detected
 
 
-def solved(
-    module: ModuleType, name: str, given: tuple[str, ...], case: Case
-) -> tuple[np.ndarray | None, float]:
+def solved(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> tuple[np.ndarray | None, float]:
     """Return (camera_from_body (4, 4), None where no pose could be estimated; milliseconds of the call)."""
     where = f"pose: {name}: case {case.name}"
     points = points_for(given, case.truth)
@@ -156,9 +154,7 @@ def score(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> 
     scores = dict.fromkeys(STATISTICS, math.nan)
     scores |= {"detected_percent": 0.0 if pose is None else 100.0, "milliseconds": elapsed_ms}
     if len(points.body_m):
-        scores["corner_error_px"] = float(
-            np.nanmean(pose_metrics.corner_error_px(points.image_px, points.true_px))
-        )
+        scores["corner_error_px"] = float(np.nanmean(pose_metrics.corner_error_px(points.image_px, points.true_px)))
     if pose is None:
         return scores
     true = case.truth.camera_from_body

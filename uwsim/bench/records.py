@@ -6,7 +6,10 @@ import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from pydantic import ConfigDict
+
 from uwsim.files import read_json, write_text
+from uwsim.validation import validated
 
 ARROWS = {"higher": "↑", "lower": "↓"}
 TITLES = {
@@ -14,6 +17,7 @@ TITLES = {
     "uiqm_m": "UIQM (M)", "failure_percent": "failures", "detected_percent": "detected",
     "milliseconds": "time",
 }  # fmt: skip
+_NOTE_KEYS = ("case", "algorithm", "metric")
 # below this an error is the round-off of the arithmetic
 ROUND_OFF = 1e-9
 
@@ -43,11 +47,18 @@ class Result:
     benchmark: str
     provenance: dict
     records: tuple[Record, ...]
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
     def to_dict(self) -> dict:
-        """Return what stands in the JSON file."""
-        records = [{**asdict(record), "given": list(record.given)} for record in self.records]
-        return {"benchmark": self.benchmark, "provenance": self.provenance, "records": records}
+        """Return what stands in the JSON file; notes on records stand in its provenance, under `notes`."""
+        records, notes = [], []
+        for record in self.records:
+            entry = {**asdict(record), "given": list(record.given)}
+            note = entry.pop("note")
+            if note:
+                notes.append({key: entry[key] for key in _NOTE_KEYS} | {"note": note})
+            records.append(entry)
+        return {"benchmark": self.benchmark, "provenance": self.provenance | {"notes": notes}, "records": records}
 
     def to_json(self) -> str:
         return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
@@ -59,13 +70,11 @@ class Result:
 
 def result_from_dict(content: dict, where: str = "result") -> Result:
     """Return the Result of a parsed JSON file; ValueError in one line if it is none."""
-    try:
-        records = tuple(
-            Record(**{**record, "given": tuple(record["given"])}) for record in content["records"]
-        )
-        return Result(benchmark=content["benchmark"], provenance=content["provenance"], records=records)
-    except (TypeError, KeyError) as error:
-        raise ValueError(f"{where}: not a benchmark result: {type(error).__name__}: {error}") from None
+    result = validated(Result, content, where=f"{where}: not a benchmark result")
+    notes = {tuple(n.get(key) for key in _NOTE_KEYS): n.get("note", "") for n in result.provenance.get("notes", [])}
+    records = [replace(r, note=notes.get(tuple(getattr(r, key) for key in _NOTE_KEYS), r.note)) for r in result.records]
+    provenance = {key: value for key, value in result.provenance.items() if key != "notes"}
+    return Result(result.benchmark, provenance, tuple(records))
 
 
 def read_result(path: Path) -> Result:

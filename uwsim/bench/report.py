@@ -32,9 +32,7 @@ def write_report(
 def page(dataset: Dataset, results: list[Result], environment: dict, *, method_images: bool = True) -> str:
     """Return the page as a string."""
     frame = frames.shown_frame(dataset)
-    by_task = {
-        result.provenance.get("definition", {}).get("task", result.benchmark): result for result in results
-    }
+    by_task = {result.provenance.get("definition", {}).get("task", result.benchmark): result for result in results}
     shown = by_task if method_images else {}
     parts = [
         frames.compare_section(frame),
@@ -54,9 +52,7 @@ def _benchmarks(results: list[Result], dataset: Dataset) -> str:
     if not results:
         return section("benchmarks", "Benchmarks", paragraph("No benchmark was run for this report."))
     hint = paragraph("A click on the head of a column sorts by it.", "note")
-    return section(
-        "benchmarks", "Benchmarks", hint, *(scores.benchmark(result, dataset) for result in results)
-    )
+    return section("benchmarks", "Benchmarks", hint, *(scores.benchmark(result, dataset) for result in results))
 
 
 def _reproduce(dataset: Dataset, results: list[Result]) -> str:
@@ -64,7 +60,7 @@ def _reproduce(dataset: Dataset, results: list[Result]) -> str:
     recipe = dataset.manifest["recipe"].get("name", dataset.name)
     folder = f"out/{dataset.name}"
     lines = [
-        f"uwsim generate {recipe} --seed {dataset.manifest['seed']} --out {folder}",
+        f"uwsim generate {recipe} --out {folder}",
         f"uwsim check {folder}",
     ]
     for result in results:

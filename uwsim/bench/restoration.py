@@ -34,9 +34,7 @@ def case_names(dataset: Dataset) -> list[str]:
     """Return the frames without motion blur; ValueError if there are none."""
     names = [frame.name for frame in dataset.frames if frame.info.blur is None]
     if not names:
-        raise ValueError(
-            f"{dataset.folder}: restoration needs a frame without motion blur, the dataset has none"
-        )
+        raise ValueError(f"{dataset.folder}: restoration needs a frame without motion blur, the dataset has none")
     return names
 
 

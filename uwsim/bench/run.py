@@ -45,32 +45,33 @@ def run(
     cases = task.case_names(dataset)
     if quick:
         cases = spread(cases, definition.quick_cases)
-    records, summaries = [], {}
-    for done, case_name in enumerate(cases):
-        if progress is not None:
-            progress(f"{title}: {case_name}", done, len(cases))
-        case = task.case(dataset, case_name)
+    records, summaries = _score(title, task, dataset, cases, chosen, progress)
+    for summary, scores in summaries.items():
         for algorithm in chosen:
-            if algorithm.missing:
-                continue
+            records += _summary(task, summary, algorithm, scores.get(algorithm.name, []))
+    origin = _provenance(definition, dataset, quick=quick, cases=len(cases))
+    return Result(benchmark=title, provenance=origin, records=tuple(records))
+
+
+def _score(
+    title: str, task: Task, dataset: Dataset, cases: list[str], chosen: list[Algorithm],
+    progress: Progress | None,
+) -> tuple[list[Record], dict[str, dict[str, list[dict]]]]:  # fmt: skip
+    """Return the records of the cases, and {summary: {algorithm: scores of its cases}}."""
+    records, summaries = [], {}
+    report = progress or (lambda *_: None)
+    for done, name in enumerate(cases):
+        report(f"{title}: {name}", done, len(cases))
+        case = task.case(dataset, name)
+        for algorithm in (algorithm for algorithm in chosen if not algorithm.missing):
             if done == 0:  # lazy imports and caches are not the method's time
                 task.score(algorithm.module, algorithm.name, algorithm.given, case)
             scores = task.score(algorithm.module, algorithm.name, algorithm.given, case)
-            records += [
-                record_from_score(_blank(case_name, algorithm, key), scores[key]) for key in task.statistics
-            ]
+            records += [record_from_score(_blank(name, algorithm, key), scores[key]) for key in task.statistics]
             for summary in case.summaries:
                 summaries.setdefault(summary, {}).setdefault(algorithm.name, []).append(scores)
-    if progress is not None:
-        progress(title, len(cases), len(cases))
-    total = [
-        _summary(task, case, a, scores.get(a.name, [])) for case, scores in summaries.items() for a in chosen
-    ]
-    return Result(
-        benchmark=title,
-        provenance=_provenance(definition, dataset, quick=quick, cases=len(cases)),
-        records=tuple(records + [record for rows in total for record in rows]),
-    )
+    report(title, len(cases), len(cases))
+    return records, summaries
 
 
 def select(task: Task, definition: Definition, algorithms: list[str] | None) -> list[str]:
@@ -83,8 +84,7 @@ def select(task: Task, definition: Definition, algorithms: list[str] | None) -> 
     unknown = [name for name in wanted if name not in shipped]
     if unknown:
         raise ValueError(
-            f"{task.name}: got algorithm {unknown[0]!r}, allowed: {', '.join(shipped)}, "
-            "or the path of a .py file"
+            f"{task.name}: got algorithm {unknown[0]!r}, allowed: {', '.join(shipped)}, or the path of a .py file"
         )
     middle = [name for name in shipped if name not in fixed and (not wanted or name in wanted)]
     return [
@@ -100,9 +100,7 @@ def _files(files: list[str], shipped: list[str]) -> list[str]:
     for file in files:
         stem = file.replace("\\", "/").rpartition("/")[2].removesuffix(".py")
         if stem in taken:
-            raise ValueError(
-                f"{file}: an algorithm named {stem!r} takes part already, allowed: another file name"
-            )
+            raise ValueError(f"{file}: an algorithm named {stem!r} takes part already, allowed: another file name")
         taken.add(stem)
     return files
 

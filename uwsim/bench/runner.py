@@ -108,9 +108,7 @@ def checked_picture(output: object, *, kind: str, shape: tuple[int, ...], where:
     if kind == "srgb_uint8":
         return output
     if not np.all(np.isfinite(output)):
-        raise ValueError(
-            f"{where}: returned {np.sum(~np.isfinite(output))} non-finite values, allowed: finite"
-        )
+        raise ValueError(f"{where}: returned {np.sum(~np.isfinite(output))} non-finite values, allowed: finite")
     low, high = float(output.min()), float(output.max())
     if low < 0 or high > 1:
         raise ValueError(f"{where}: returned values {low:.4g} to {high:.4g}, allowed: 0 to 1")

@@ -27,6 +27,9 @@ def _check_files(dataset: store.Dataset) -> None:
     partial = sorted(name for name in found if ".partial" in name)
     if partial:
         raise ValueError(f"{dataset.folder}: half-written file {partial[0]}")
+    folders = {path.relative_to(frames).as_posix() for path in frames.rglob("*") if path.is_dir()}
+    if strange := sorted(folders - set(dataset.frame_names)):
+        raise ValueError(f"{dataset.folder}: folder frames/{strange[0]} is not part of the dataset")
     if missing := sorted(set(listed) - found):
         raise ValueError(f"{dataset.folder}: file {missing[0]} is missing")
     if extra := sorted(found - set(listed)):

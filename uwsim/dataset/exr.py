@@ -1,12 +1,12 @@
 """Multi-part EXR: one named part per truth image, ZIP compressed."""
 
 import contextlib
-import os
+import io
 from pathlib import Path
 
 import numpy as np
 
-from uwsim.files import write_atomically
+from uwsim.files import no_stderr, write_atomically
 
 _TYPES = {"half": np.float16, "float": np.float32, "uint": np.uint32}
 _CHANNELS = {1: ("Y",), 2: ("X", "Y"), 3: ("R", "G", "B")}
@@ -46,9 +46,11 @@ def read(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise ValueError(f"{path}: no such EXR file")
     try:
-        with _quiet():
+        with no_stderr(), contextlib.redirect_stdout(io.StringIO()) as said:
             parts = OpenEXR.File(str(path), separate_channels=True).parts
-            return {part.name(): _image(part) for part in parts}
+        if said.getvalue():  # the library warns of parts that it cannot read and leaves them out
+            raise ValueError(said.getvalue().splitlines()[0])
+        return {part.name(): _image(part) for part in parts}
     except (RuntimeError, TypeError, KeyError, ValueError) as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{path}: not a readable EXR (truncated?): {text}") from None
@@ -62,17 +64,3 @@ def _image(part) -> np.ndarray:
     image = np.stack([planes[name] for name in order], axis=-1)
     image = image[..., 0] if len(order) == 1 else image
     return image if image.dtype == np.uint32 else image.astype(np.float32)
-
-
-@contextlib.contextmanager
-def _quiet():
-    """Silence what the EXR library writes to the standard error stream of the process."""
-    saved = os.dup(2)
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(null)

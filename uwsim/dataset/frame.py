@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim import images
 from uwsim.dataset import exr
 from uwsim.files import read_json, write_json
+from uwsim.validation import validated
 
 FORMAT_VERSION = 1
 FILES = ("image.png", "frame.exr", "frame.json")
@@ -194,12 +195,7 @@ class Frame:
 
 def read_info(path: Path) -> FrameInfo:
     """Read and validate a frame.json; ValueError in one line."""
-    try:
-        return FrameInfo.model_validate(read_json(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ValueError(f"{path}: {key or 'frame'}: {first['msg']}") from None
+    return validated(FrameInfo, read_json(path), where=path)
 
 
 def read_frame(folder: Path) -> Frame:

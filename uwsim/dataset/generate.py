@@ -10,11 +10,14 @@ from uwsim.dataset import store
 from uwsim.dataset.frame import FORMAT_VERSION, write_frame
 from uwsim.dataset.make import make_frame
 from uwsim.dataset.recipe import Recipe, draw_scene, resolved
+from uwsim.render import shapes
 
 Progress = Callable[[int, int, str, int, int], None]
 
 
-def generate(recipe: Recipe, out: Path, *, where: object, resume: bool, progress: Progress | None = None) -> store.Dataset:
+def generate(
+    recipe: Recipe, out: Path, *, where: object, resume: bool, progress: Progress | None = None
+) -> store.Dataset:
     """Generate the frames of `recipe` into `out` and return the dataset.
 
     where: the recipe's path, for messages and relative scene paths. resume: go on in a folder where the same
@@ -24,6 +27,8 @@ def generate(recipe: Recipe, out: Path, *, where: object, resume: bool, progress
     Every scene is drawn and checked before the first is rendered. Raises ValueError in one line.
     """
     scenes = [draw_scene(recipe, frame, where=where) for frame in range(recipe.frames)]
+    for scene in scenes:
+        shapes.check_files(scene)
     manifest = _begin(recipe, Path(out), resume=resume)
     frames = Path(out) / "frames"
     frames.mkdir(exist_ok=True)

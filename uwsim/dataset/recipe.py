@@ -14,8 +14,9 @@ from pydantic import Field, TypeAdapter, model_validator
 from uwsim import seeds
 from uwsim.files import find_shipped
 from uwsim.scene.base import Strict
-from uwsim.scene.load import read_toml, scene_values, validated
+from uwsim.scene.load import read_toml, scene_values
 from uwsim.scene.models import Scene
+from uwsim.validation import validated
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
@@ -47,7 +48,7 @@ class Choice(Strict):
     """One of a list of values; `in_order` takes them in turn over the frames of the group."""
 
     distribution: Literal["choice", "in_order"]
-    values: Annotated[tuple[str | float | tuple[float, ...] | dict, ...], Field(min_length=1)]
+    values: Annotated[tuple[bool | str | int | float | tuple[float, ...] | dict, ...], Field(min_length=1)]
 
     def pick(self, rng: np.random.Generator, index: int):
         if self.distribution == "in_order":
@@ -79,7 +80,9 @@ class Recipe(Strict):
     @model_validator(mode="after")
     def _usable(self):
         if self.samples_per_pixel % self.batches:
-            raise ValueError(f"samples_per_pixel is {self.samples_per_pixel}, allowed: a multiple of batches = {self.batches}")
+            raise ValueError(
+                f"samples_per_pixel is {self.samples_per_pixel}, allowed: a multiple of batches = {self.batches}"
+            )
         names = [group.name for group in self.group]
         if len(set(names)) != len(names):
             raise ValueError(f"group names {names} are not unique")
@@ -91,10 +94,11 @@ class Recipe(Strict):
 
     def locate(self, frame: int) -> tuple[Group, int]:
         """Return the group of a frame and the frame's number inside it."""
+        index = frame
         for group in self.group:
-            if frame < group.frames:
-                return group, frame
-            frame -= group.frames
+            if index < group.frames:
+                return group, index
+            index -= group.frames
         raise ValueError(f"frame {frame}: the recipe has {self.frames} frames")
 
 
@@ -113,7 +117,10 @@ def draw_scene(recipe: Recipe, frame: int, *, where: object) -> Scene:
     base = Path(group.scene)
     if base.suffix == ".toml" and not base.is_absolute() and (Path(str(where)).parent / base).is_file():
         base = Path(str(where)).parent / base
-    values, _ = scene_values(str(base))
+    try:
+        values, _ = scene_values(str(base))
+    except ValueError as error:
+        raise ValueError(f"{where}: group {group.name}: {error}") from None
     values = copy.deepcopy(values)
     for path, value in (recipe.set | group.set).items():
         put(values, path, value, where=where)

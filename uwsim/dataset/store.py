@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
 
 from uwsim.dataset.frame import FORMAT_VERSION, Frame, read_frame
 from uwsim.files import read_json, sha256, write_json
+from uwsim.validation import validated
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,20 @@ def open(folder: Path) -> Dataset:  # noqa: A001 (the published name is uwsim.da
     return Dataset(folder=folder, manifest=manifest, frame_names=names)
 
 
-_KEYS = {
-    "format": int, "name": str, "complete": bool, "seed": int, "recipe": dict,
-    "versions": dict, "commit": (str, type(None)), "machine": dict, "files": dict,
-}  # fmt: skip
+class Manifest(BaseModel):
+    """The contents of dataset.json."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    format: Literal[FORMAT_VERSION]
+    name: str
+    complete: bool
+    seed: int
+    recipe: dict
+    versions: dict
+    commit: str | None
+    machine: dict
+    files: dict[str, str]
 
 
 def read_manifest(folder: Path) -> dict:
@@ -55,14 +69,7 @@ def read_manifest(folder: Path) -> dict:
     if not path.is_file():
         raise ValueError(f"{folder}: no dataset here (dataset.json is missing)")
     manifest = read_json(path)
-    if not isinstance(manifest, dict) or set(manifest) != set(_KEYS):
-        got = sorted(manifest) if isinstance(manifest, dict) else type(manifest).__name__
-        raise ValueError(f"{path}: keys {got}, allowed: {sorted(_KEYS)}")
-    for key, kind in _KEYS.items():
-        if not isinstance(manifest[key], kind):
-            raise ValueError(f"{path}: {key} is a {type(manifest[key]).__name__}, allowed: {kind}")
-    if manifest["format"] != FORMAT_VERSION:
-        raise ValueError(f"{path}: format {manifest['format']}, allowed: {FORMAT_VERSION}")
+    validated(Manifest, manifest, where=path)
     for file in manifest["files"]:
         parts = Path(file).parts
         if len(parts) != 3 or parts[0] != "frames" or ".." in parts:

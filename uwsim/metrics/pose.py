@@ -55,7 +55,5 @@ def corner_error_px(estimated_px: np.ndarray, true_px: np.ndarray) -> np.ndarray
     """Return the distance of each image point (..., 2) to its true place [px], shape (...)."""
     estimated_px, true_px = np.asarray(estimated_px, dtype=float), np.asarray(true_px, dtype=float)
     if estimated_px.shape != true_px.shape:
-        raise ValueError(
-            f"corner error: got {estimated_px.shape} and {true_px.shape}, allowed: one shape (..., 2)"
-        )
+        raise ValueError(f"corner error: got {estimated_px.shape} and {true_px.shape}, allowed: one shape (..., 2)")
     return np.linalg.norm(estimated_px - true_px, axis=-1)

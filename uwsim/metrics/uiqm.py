@@ -36,9 +36,7 @@ def uiqm_f(image: np.ndarray, *, resize: bool = True, blue_weight: float = BLUE_
     if resize:
         image = resize_bicubic(image, height=RESIZED_PX, width=RESIZED_PX)
     pixels = image.astype(np.float64)
-    sharpness = [
-        block_log_ratio(_scaled_sobel(channel) * channel, BLOCK_F_PX) for channel in np.moveaxis(pixels, 2, 0)
-    ]
+    sharpness = [block_log_ratio(_scaled_sobel(channel) * channel, BLOCK_F_PX) for channel in np.moveaxis(pixels, 2, 0)]
     high, low = block_extremes(pixels.max(axis=2), pixels.min(axis=2), BLOCK_F_PX)
     return _combine(
         _colourfulness(pixels, variance_of_all=True),
@@ -139,9 +137,9 @@ def resize_bicubic(image: np.ndarray, *, height: int, width: int) -> np.ndarray:
         return np.clip(np.floor(values + 0.5), 0, 255)
 
     across = rounded(np.einsum("wx,hxc->hwc", _bicubic_weights(image.shape[1], width), image, optimize=True))
-    return rounded(
-        np.einsum("hy,ywc->hwc", _bicubic_weights(image.shape[0], height), across, optimize=True)
-    ).astype(np.uint8)
+    return rounded(np.einsum("hy,ywc->hwc", _bicubic_weights(image.shape[0], height), across, optimize=True)).astype(
+        np.uint8
+    )
 
 
 def _bicubic_weights(source_px: int, target_px: int) -> np.ndarray:

@@ -25,16 +25,12 @@ def grey_from_image(image: np.ndarray, *, where: str) -> np.ndarray:
     """
     image = np.asarray(image)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < MINIMUM_SIDE_PX:
-        raise ValueError(
-            f"{where}: image has shape {image.shape}, allowed: (H, W[, C]), H and W >= {MINIMUM_SIDE_PX}"
-        )
+        raise ValueError(f"{where}: image has shape {image.shape}, allowed: (H, W[, C]), H and W >= {MINIMUM_SIDE_PX}")
     grey = image.astype(np.float64)
     if image.ndim == 3:
         grey = grey.mean(axis=2)
     if not np.all(np.isfinite(grey)):
-        raise ValueError(
-            f"{where}: image holds {np.sum(~np.isfinite(grey))} NaN or infinite pixels, allowed: none"
-        )
+        raise ValueError(f"{where}: image holds {np.sum(~np.isfinite(grey))} NaN or infinite pixels, allowed: none")
     if np.ptp(grey) <= _CONSTANT_SHARE * np.abs(grey).max():
         raise ValueError(f"{where}: image is constant, allowed: an image with texture")
     return grey

@@ -48,9 +48,7 @@ def kernel(size_px: int, *, length_px: float, angle_deg: float) -> np.ndarray:
     right = np.cos(np.radians(angle_deg)) * length / 2
     down = -np.sin(np.radians(angle_deg)) * length / 2
     if size_px < 1 or size_px % 2 == 0 or max(abs(right), abs(down)) > size_px / 2 + 1e-9:
-        raise ValueError(
-            f"kernel: got size {size_px} px for a line of {length_px} px, allowed: odd and large enough"
-        )
+        raise ValueError(f"kernel: got size {size_px} px for a line of {length_px} px, allowed: odd and large enough")
     centres = np.arange(size_px) - size_px // 2
     # the line is (right, down) s with s in [-1, 1]; each pixel cuts an interval of s per axis
     column_start, column_end = _inside(centres, right)
@@ -72,6 +70,4 @@ def _inside(centres: np.ndarray, half_extent: float) -> tuple[np.ndarray, np.nda
 
 def _check(length_px: float, angle_deg: float) -> None:
     if not (np.isfinite(length_px) and length_px >= 0 and np.isfinite(angle_deg)):
-        raise ValueError(
-            f"motion blur: got length {length_px} px, angle {angle_deg} deg, allowed: finite, length >= 0"
-        )
+        raise ValueError(f"motion blur: got length {length_px} px, angle {angle_deg} deg, allowed: finite, length >= 0")

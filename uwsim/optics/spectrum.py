@@ -1,6 +1,7 @@
 """The wavelength grid of the project and tables on it."""
 
 import csv
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -34,12 +35,15 @@ def on_grid(wavelengths_nm: np.ndarray, values: np.ndarray, *, where: str) -> np
     return np.interp(WAVELENGTHS_NM, wavelengths_nm, values)
 
 
+@functools.cache
 def table(name: str, column: str) -> np.ndarray:
-    """Return one column of a table in `uwsim/optics/data`, on the grid, (61,)."""
+    """Return one column of a table in `uwsim/optics/data`, on the grid, (61,), read-only."""
     path = _DATA / f"{name}.csv"
     lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     rows = list(csv.DictReader(lines))
-    return on_grid([float(r["wavelength_nm"]) for r in rows], [float(r[column]) for r in rows], where=path.name)
+    values = on_grid([float(r["wavelength_nm"]) for r in rows], [float(r[column]) for r in rows], where=path.name)
+    values.setflags(write=False)
+    return values
 
 
 def band_mean(spectrum: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.optics import phase
 from uwsim.optics.phase import PhaseMixture
 from uwsim.optics.spectrum import WAVELENGTHS_NM, table
+from uwsim.validation import validated
 
 _TYPES = Path(__file__).parent / "water_types"
 
@@ -110,12 +111,13 @@ def water_type_names() -> list[str]:
 @cache
 def _water_type(name: str) -> WaterType:
     if name not in water_type_names():
-        raise ValueError(f"water name: got {name!r}, allowed: {', '.join(water_type_names())}")
+        raise ValueError(f"name: got {name!r}, allowed: {', '.join(water_type_names())}")
     path = _TYPES / f"{name}.toml"
     try:
-        return WaterType.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, ValidationError) as error:
-        raise ValueError(f"{path.name}: {' '.join(str(error).split())}") from None
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path.name}: not readable as TOML: {error}") from None
+    return validated(WaterType, content, where=path.name)
 
 
 def named_water(name: str, *, particle_factor: float = 1.0) -> Water:

@@ -30,9 +30,7 @@ def check_points(
     points_m, points = np.asarray(points_m, dtype=float), np.asarray(points, dtype=float)
     agree = points_m.ndim == 3 and points_m.shape[2] == 3 and points.shape == (*points_m.shape[:2], 2)
     if not agree:
-        raise ValueError(
-            f"{where}: got shapes {points_m.shape} and {points.shape}, allowed: (B, n, 3) and (B, n, 2)"
-        )
+        raise ValueError(f"{where}: got shapes {points_m.shape} and {points.shape}, allowed: (B, n, 3) and (B, n, 2)")
     if points_m.shape[1] < minimum:
         raise ValueError(f"{where}: got {points_m.shape[1]} points, allowed: at least {minimum}")
     for name, values in (("points_m", points_m), ("points", points)):

@@ -43,15 +43,7 @@ def body_shapes(mi, body, *, black: bool) -> dict[str, object]:
         case kinds.Heightfield():
             return {"face": _relief(mi, body, _both_sides(_diffuse(body.spectrum, black)))}
         case kinds.Mesh():
-            scaled = matrix @ np.diag([body.scale] * 3 + [1.0])
-            return {
-                "face": {
-                    "type": body.file.suffix.lower().removeprefix("."),
-                    "filename": str(body.file),
-                    "to_world": mi.ScalarTransform4f(scaled),
-                    "bsdf": _both_sides(_diffuse(body.spectrum, black)),
-                }
-            }
+            return {"face": _mesh(mi, body, _both_sides(_diffuse(body.spectrum, black)))}
     raise TypeError(f"no shape for a body of type {type(body).__name__}")
 
 
@@ -108,6 +100,40 @@ def _colorchecker(mi, body: kinds.ColorChecker, black: bool) -> dict:
         place = _at(matrix, x, y, _RELIEF_M)
         shapes[f"patch{index}"] = _rectangle(mi, place, side, side, _diffuse(reflectance, black))
     return shapes
+
+
+def _mesh(mi, body: kinds.Mesh, bsdf: dict):
+    """Return a mesh read from its file; ValueError if it cannot be read or is no surface."""
+    shape = {
+        "type": body.file.suffix.lower().removeprefix("."),
+        "filename": str(body.file),
+        "to_world": mi.ScalarTransform4f(body.world_from_body @ np.diag([body.scale] * 3 + [1.0])),
+        "bsdf": bsdf,
+    }
+    where = f"body {body.name}: file {body.file}"
+    try:
+        mesh = mi.load_dict(shape)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).rpartition("shape plugin of type ")[2]
+        raise ValueError(f"{where}: not a mesh that can be read: {reason}") from None
+    parameters = mi.traverse(mesh)
+    vertices, faces = np.array(parameters["vertex_positions"]), np.array(parameters["faces"])
+    if not np.all(np.isfinite(vertices)):
+        raise ValueError(f"{where}: has non-finite vertices")
+    if faces.size == 0 or faces.max() >= mesh.vertex_count():
+        raise ValueError(
+            f"{where}: {faces.size // 3} faces of {mesh.vertex_count()} vertices, allowed: faces of its vertices"
+        )
+    return mesh
+
+
+def check_files(scene) -> None:
+    """Raise ValueError unless every file of a scene's bodies that only the renderer reads can be read."""
+    import mitsuba as mi
+
+    for body in scene.bodies:
+        if isinstance(body, kinds.Mesh):
+            body_shapes(mi, body, black=True)
 
 
 def _relief(mi, body: kinds.Heightfield, bsdf: dict):

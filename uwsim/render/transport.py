@@ -160,7 +160,9 @@ class _Film:
         self.view = view
         self.inverse_K = mi.ScalarMatrix3f(np.linalg.inv(view.K))
         self.wavelengths = mi.ContinuousDistribution(span, mi.Float(view.importance.astype(np.float32)))
-        self.responses = [mi.ContinuousDistribution(span, mi.Float(band.astype(np.float32))) for band in view.response.T]
+        self.responses = [
+            mi.ContinuousDistribution(span, mi.Float(band.astype(np.float32))) for band in view.response.T
+        ]
 
     def rays(self, world_from_camera: np.ndarray, sampler, top: int, per_pixel: int, count: int, seed: int):
         """Return `count` rays, pixel by pixel from row `top`, and per band the weight of each wavelength."""

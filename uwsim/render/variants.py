@@ -56,9 +56,7 @@ def cuda_driver() -> str | None:
     if named and Path(named).is_file():
         return named
     on_windows_subsystem = Path("/usr/lib/wsl/lib/libcuda.so.1")
-    return ctypes.util.find_library("cuda") or (
-        str(on_windows_subsystem) if on_windows_subsystem.is_file() else None
-    )
+    return ctypes.util.find_library("cuda") or (str(on_windows_subsystem) if on_windows_subsystem.is_file() else None)
 
 
 def _require_backend(variant: str, choice: llvm.Choice) -> None:

@@ -13,9 +13,19 @@ Vector3 = tuple[float, float, float]
 
 
 class Strict(BaseModel):
-    """Frozen, no unknown keys, no NaN or infinity."""
+    """Frozen, no unknown keys, no NaN or infinity, no text or truth value for a number."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tuples(cls, values):
+        return {key: _tuple(value) for key, value in values.items()} if isinstance(values, dict) else values
+
+
+def _tuple(value: object) -> object:
+    """Return lists, as files have them, as tuples, as the models have them."""
+    return tuple(_tuple(entry) for entry in value) if isinstance(value, list) else value
 
 
 class Table(Strict):
@@ -26,7 +36,7 @@ class Table(Strict):
 
     @model_validator(mode="after")
     def _usable(self):
-        self.on_grid(where="spectrum")
+        self.on_grid(where="values")
         return self
 
     def on_grid(self, *, where: str) -> np.ndarray:

@@ -7,12 +7,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from uwsim.camera import pose
+from uwsim.images import decode
 from uwsim.optics import sources
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.scene import markers, usaf
 from uwsim.scene.base import NonNegative, Positive, Strict, Table, Vector3
 
 Reflectance = Annotated[float, Field(ge=0, le=1)] | Table
+File = Annotated[Path, Field(strict=False)]  # from text
 
 
 def reflectance_on_grid(reflectance: float | Table, *, where: str) -> np.ndarray:
@@ -20,7 +22,7 @@ def reflectance_on_grid(reflectance: float | Table, *, where: str) -> np.ndarray
     if isinstance(reflectance, Table):
         values = reflectance.on_grid(where=where)
         if values.max() > 1:
-            raise ValueError(f"{where}: reflectance reaches {values.max():g}, allowed: 0 to 1")
+            raise ValueError(f"{where} reaches {values.max():g}, allowed: 0 to 1")
         return values
     return np.full(len(WAVELENGTHS_NM), float(reflectance))
 
@@ -62,7 +64,7 @@ class Plain(Placed):
 
     @property
     def spectrum(self) -> np.ndarray:
-        return reflectance_on_grid(self.reflectance, where=f"body {self.name} reflectance")
+        return reflectance_on_grid(self.reflectance, where=f"body {self.name}: reflectance")
 
 
 class Rectangle(Plain):
@@ -77,7 +79,7 @@ class Mesh(Plain):
     """A triangle mesh from a PLY or OBJ file, in the body's frame [m] times `scale`."""
 
     kind: Literal["mesh"]
-    file: Path
+    file: File
     scale: Positive = 1.0
 
     @model_validator(mode="after")
@@ -93,7 +95,7 @@ class Heightfield(Plain):
     """A relief over the body's x-y plane: z = relief x grey value (0-1) of an image, row 0 at +y."""
 
     kind: Literal["heightfield"]
-    file: Path
+    file: File
     width_m: Positive
     height_m: Positive
     relief_m: NonNegative
@@ -124,7 +126,7 @@ class Chart(Placed):
     def spectra(self) -> tuple[np.ndarray, np.ndarray]:
         """Reflectance of the dark and of the bright tone, (61,) each."""
         return tuple(
-            reflectance_on_grid(tone, where=f"body {self.name} {key}")
+            reflectance_on_grid(tone, where=f"body {self.name}: {key}")
             for key, tone in (("dark", self.dark), ("bright", self.bright))
         )
 
@@ -139,7 +141,7 @@ class TexturedChart(Chart):
     """A chart whose coverage is the grey value of an image file, 0 dark, 1 bright."""
 
     kind: Literal["textured"]
-    file: Path
+    file: File
     width_m: Positive
 
     @model_validator(mode="after")
@@ -215,9 +217,7 @@ class MarkerBoard(Chart):
     @property
     def corners_m(self) -> np.ndarray:
         """Corners of all markers in the body's frame, (n, 4, 3): top left, top right, bottom right, bottom left."""
-        return markers.corners(
-            rows=self.rows, columns=self.columns, marker_size_m=self.marker_size_m, gap_m=self.gap_m
-        )
+        return markers.corners(rows=self.rows, columns=self.columns, marker_size_m=self.marker_size_m, gap_m=self.gap_m)
 
 
 class ColorChecker(Placed):
@@ -240,10 +240,10 @@ class ColorChecker(Placed):
     @property
     def patches(self) -> list[tuple[str, tuple[float, float], np.ndarray]]:
         """Name, centre (x, y) [m] in the body's frame and reflectance (61,) of every patch."""
-        rows, columns = sources.COLORCHECKER_ROWS, sources.COLORCHECKER_COLUMNS
+        rows, columns, pitch = sources.COLORCHECKER_ROWS, sources.COLORCHECKER_COLUMNS, self.pitch_m
         return [
-            (name, ((i % columns - (columns - 1) / 2) * self.pitch_m, ((rows - 1) / 2 - i // columns) * self.pitch_m), r)
-            for i, (name, r) in enumerate(sources.colorchecker())
+            (name, ((i % columns - (columns - 1) / 2) * pitch, ((rows - 1) / 2 - i // columns) * pitch), reflectance)
+            for i, (name, reflectance) in enumerate(sources.colorchecker())
         ]
 
 
@@ -262,8 +262,7 @@ def read_grey(path: Path) -> np.ndarray:
 
     if not path.is_file():
         raise ValueError(f"file: {path} does not exist")
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if data.size else None
+    image = decode(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     if image is None or min(image.shape) < 2:
         raise ValueError(f"file: {path} is not an image of at least 2 x 2 pixels")
     return image / float(np.iinfo(image.dtype).max)

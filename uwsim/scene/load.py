@@ -2,14 +2,10 @@
 
 import tomllib
 from pathlib import Path
-from typing import TypeVar
-
-from pydantic import BaseModel, ValidationError
 
 from uwsim.files import find_shipped
 from uwsim.scene.models import Scene
-
-Model = TypeVar("Model", bound=BaseModel)
+from uwsim.validation import validated
 
 
 def read_toml(path: Path) -> dict:
@@ -20,35 +16,6 @@ def read_toml(path: Path) -> dict:
         raise ValueError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ValueError(f"{path}: not readable as TOML: {error}") from None
-
-
-def validated(model: type[Model], values: dict, *, where: object) -> Model:
-    """Fill a strict model; ValueError in one line naming file, key, value and what is allowed."""
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        raise ValueError(f"{where}: {first_problem(error)}") from None
-
-
-def first_problem(error: ValidationError) -> str:
-    """Return the first problem of a validation as `key: message (got ...)`; of a union, the branch that fits best."""
-    problems = error.errors(include_url=False)
-    # a union reports every branch; unknown and missing keys tell least about what was meant
-    problem = min(problems, key=lambda p: p["type"] in ("extra_forbidden", "missing") and len(problems) > 1)
-    key = ".".join(str(part) for part in problem["loc"] if not _is_branch(part))
-    message = problem["msg"].removeprefix("Value error, ")
-    if problem["type"] == "extra_forbidden":
-        message = "unknown key"
-    elif problem["type"] == "missing":
-        return f"{key}: missing"
-    got = problem["input"]
-    shown = f" (got {got!r})" if isinstance(got, str | int | float | bool | list | tuple) else ""
-    return " ".join(f"{key or 'file'}: {message}{shown[:120]}".split())
-
-
-def _is_branch(part) -> bool:
-    """Whether an entry of a location names a branch of a union rather than a key."""
-    return isinstance(part, str) and (part[:1].isupper() or "[" in part or part in ("float", "str", "int"))
 
 
 def scene_values(name: str) -> tuple[dict, Path]:

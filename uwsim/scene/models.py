@@ -17,6 +17,7 @@ from uwsim.optics.water import Water, named_water
 from uwsim.scene.base import NonNegative, Positive, Strict, Table, Vector3
 from uwsim.scene.bodies import Body
 
+
 class Phase(Strict):
     """Phase function: `hg` with mean cosine g, one number or one per wavelength; or `hg_mixture`."""
 
@@ -40,7 +41,7 @@ class Phase(Strict):
             return phases.constant(list(self.g), list(self.weights))
         if not isinstance(self.g, tuple):
             return phases.constant([self.g], [1.0])
-        return _spectral_hg(on_grid(wavelengths_nm, self.g, where="water.phase.g"))
+        return _spectral_hg(on_grid(wavelengths_nm, self.g, where="phase.g"))
 
 
 def _spectral_hg(g: np.ndarray) -> phases.PhaseMixture:
@@ -78,10 +79,8 @@ class TabulatedWater(Strict):
         return self
 
     def optical(self) -> Water:
-        a, b = (
-            on_grid(self.wavelengths_nm, values, where=f"water.{key}")
-            for key, values in (("absorption_per_m", self.absorption_per_m), ("scattering_per_m", self.scattering_per_m))
-        )
+        a = on_grid(self.wavelengths_nm, self.absorption_per_m, where="absorption_per_m")
+        b = on_grid(self.wavelengths_nm, self.scattering_per_m, where="scattering_per_m")
         return Water(name="tabulated", absorption=a, scattering=b, phase=self.phase.mixture(self.wavelengths_nm))
 
 
@@ -152,7 +151,7 @@ class Lamp(Strict):
         """Spectral power with unit integral over 400-700 nm, (61,). [1/nm]"""
         if isinstance(self.spectrum, str):
             return sources.illuminant(self.spectrum)
-        power = self.spectrum.on_grid(where=f"lamp {self.name} spectrum")
+        power = self.spectrum.on_grid(where=f"lamp {self.name}: spectrum")
         integral = np.trapezoid(power, WAVELENGTHS_NM)
         if integral <= 0:
             raise ValueError(f"lamp {self.name}: the spectrum has no power within 400-700 nm")
@@ -200,7 +199,7 @@ class Rig(Strict):
 
     @property
     def world_from_rig(self) -> np.ndarray:
-        return pose.looking_at(self.position_m, self.look_at_m, roll_deg=self.roll_deg, where="rig")
+        return pose.looking_at(self.position_m, self.look_at_m, roll_deg=self.roll_deg, where="look_at_m")
 
 
 class Exposure(Strict):

@@ -70,9 +70,8 @@ def layout(*, first_group: int, last_group: int, width_mm: float) -> Layout:
         left += 20 * bar_width_mm(group=group, element=1)
     needed = left
     if needed > width_mm:
-        raise ValueError(
-            f"width_m: got {width_mm / 1e3:g}, needed for groups {first_group} to {last_group}: {needed / 1e3:.3g} or more"
-        )
+        groups = f"groups {first_group} to {last_group}"
+        raise ValueError(f"width_m: got {width_mm / 1e3:g}, needed for {groups}: {needed / 1e3:.3g} or more")
     shift = (width_mm - needed) / 2
     moved = tuple(Element(e.group, e.element, e.left_mm + shift, e.top_mm, e.bar_mm) for e in elements)
     return Layout(width_mm=width_mm, height_mm=height, elements=moved)

@@ -66,9 +66,7 @@ def compare_section(frame: Frame) -> str:
         f"median optical thickness {optical_thickness(frame):.2g} one way (green). "
         "Same scene, rays, lamps and exposure; both without sensor noise."
     )
-    return section(
-        "twin", "With and without water", figure(stack + slide, "", escape(caption), kind="compare")
-    )
+    return section("twin", "With and without water", figure(stack + slide, "", escape(caption), kind="compare"))
 
 
 def layers_section(frame: Frame) -> str:

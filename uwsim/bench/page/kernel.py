@@ -42,8 +42,7 @@ def _step(half: float) -> float:
 def _grid(half: float, step: float, unit: float) -> str:
     count = math.floor(half / step)
     paths = (
-        f"M{k * step:g} {-half:.5g}V{half:.5g}M{-half:.5g} {k * step:g}H{half:.5g}"
-        for k in range(-count, count + 1)
+        f"M{k * step:g} {-half:.5g}V{half:.5g}M{-half:.5g} {k * step:g}H{half:.5g}" for k in range(-count, count + 1)
     )
     return f'<path class="rule" d="{"".join(paths)}" stroke-width="{unit / 2:.4g}"/>'
 

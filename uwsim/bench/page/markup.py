@@ -74,9 +74,7 @@ def cell(shown: str, *, value: float | None = None, kind: str = "", numeric: boo
     return f"<td{attributes}>{shown}</td>"
 
 
-def sortable_table(
-    heads: list[tuple[str, bool]], rows: list[list[str]], label: str, *, kind: str = ""
-) -> str:
+def sortable_table(heads: list[tuple[str, bool]], rows: list[list[str]], label: str, *, kind: str = "") -> str:
     """Return a table whose heads (text, numeric) are buttons; `rows` hold cells made by `cell`."""
     head = "".join(_head(text, numeric) for text, numeric in heads)
     body = "".join(f"<tr>{''.join(cells)}</tr>" for cells in rows)

@@ -36,9 +36,7 @@ def restoration_section(frame: Frame, dataset: Dataset, result: Result) -> str:
     """Return what each method makes of a still frame, beside the stored picture and the reference."""
     title = "Restorations of one frame"
     if frame.info.blur is not None:
-        return section(
-            "restorations", title, paragraph("This dataset has no still frame, so nothing was restored.")
-        )
+        return section("restorations", title, paragraph("This dataset has no still frame, so nothing was restored."))
     case = restoration.case(dataset, frame.name)
     figures = [_restored("as stored", case.image, case.truth, "the input of every method")]
     for algorithm in runnable(result, restoration.TASK):
@@ -50,9 +48,7 @@ def restoration_section(frame: Frame, dataset: Dataset, result: Result) -> str:
         figures.append(_restored(algorithm.name, image, case.truth, f"{kind}given {given}"))
     twin = picture(case.truth, "The water-free twin")
     figures.append(figure(twin, "reference", "the water-free twin through the same camera, without noise"))
-    text = (
-        f"Frame {frame.name}. PSNR and SSIM are taken on 8-bit sRGB against the reference; no gain is fitted."
-    )
+    text = f"Frame {frame.name}. PSNR and SSIM are taken on 8-bit sRGB against the reference; no gain is fitted."
     return section("restorations", title, paragraph(text), grid(figures, "medium"))
 
 
@@ -68,17 +64,13 @@ def blur_section(dataset: Dataset, result: Result | None) -> str:
     title = "Motion blur"
     frames = [frame for frame in dataset.frames if frame.info.blur is not None]
     if not frames:
-        return section(
-            "blur", title, paragraph("This dataset has no frame in motion, so there is no blur to show.")
-        )
+        return section("blur", title, paragraph("This dataset has no frame in motion, so there is no blur to show."))
     frames = [frame for frame in frames if frame.info.blur.uniform] or frames
     frame = sorted(frames, key=lambda frame: frame.info.blur.length_px)[len(frames) // 2]
     true = frame.info.blur
     estimates = _estimates(frame, dataset, result) if result else {}
     style_of = {name: style for name, style in styles(result).items() if name in estimates} if result else {}
-    drawing = kernel_drawing(
-        true, estimates, {name: f"var(--c{colour})" for name, (colour, _) in style_of.items()}
-    )
+    drawing = kernel_drawing(true, estimates, {name: f"var(--c{colour})" for name, (colour, _) in style_of.items()})
     spread = "" if true.uniform else f", spread {true.spread_px:.2g} px"
     words = f"wide band: the true path of a point during the exposure, {true.length_px:.3g} px at "
     words += f"{true.angle_deg:.3g}°{spread}; lines: the estimates"
@@ -123,9 +115,7 @@ def pose_section(dataset: Dataset, result: Result | None) -> str:
     for algorithm in runnable(result, pose.TASK):
         found[algorithm.name], _ = pose.solved(algorithm.module, algorithm.name, algorithm.given, case)
         scores = pose.score(algorithm.module, algorithm.name, algorithm.given, case)
-        numbers = [
-            scores[key] for key in ("rotation_error_deg", "translation_error_percent", "corner_error_px")
-        ]
+        numbers = [scores[key] for key in ("rotation_error_deg", "translation_error_percent", "corner_error_px")]
         rows.append([cell(escape(algorithm.name)), *(_number(value, "no pose") for value in numbers)])
     texts = ("rotation error [deg]", "translation error [%]", "corner error [px]")
     heads = [("solver", False), *((text, True) for text in texts)]

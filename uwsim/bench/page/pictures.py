@@ -30,9 +30,7 @@ def false_colour(values: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return (H, W) values in colours from `low` to `high`, (H, W, 3) uint8; grey where not finite."""
     finite = np.isfinite(values)
     span = max(high - low, np.finfo(float).tiny)
-    return np.where(
-        finite[..., None], colour_map((np.where(finite, values, low) - low) / span), EMPTY
-    ).astype(np.uint8)
+    return np.where(finite[..., None], colour_map((np.where(finite, values, low) - low) / span), EMPTY).astype(np.uint8)
 
 
 def limits(values: np.ndarray, *, from_zero: bool = False) -> tuple[float, float]:
@@ -56,9 +54,7 @@ def bar(low: float, high: float, unit: str) -> str:
     )
 
 
-def map_figure(
-    values: np.ndarray, title: str, caption: str, *, unit: str, ends: tuple[float, float], alt: str
-) -> str:
+def map_figure(values: np.ndarray, title: str, caption: str, *, unit: str, ends: tuple[float, float], alt: str) -> str:
     """Return a small false-colour figure with its colour bar."""
     image = picture(false_colour(values, *ends), alt, lossless=True)
     return figure(image + bar(*ends, unit), title, escape(caption))
@@ -123,8 +119,6 @@ def _instances(frame: Frame) -> str:
     for colour, number in zip(colours, present, strict=True):
         image[numbers == number] = colour
         r, g, b = colour.tolist()
-        keys.append(
-            f'<li><i style="background:rgb({r} {g} {b})"></i>{escape(names.get(number, number))}</li>'
-        )
+        keys.append(f'<li><i style="background:rgb({r} {g} {b})"></i>{escape(names.get(number, number))}</li>')
     content = picture(image, "Which body each pixel sees", lossless=True)
     return figure(content, "Bodies", f'<ul class="keys">{"".join(keys)}</ul>')

@@ -61,11 +61,7 @@ def optical_thickness(frame: Frame) -> float:
     """Return attenuation x range in the green band, the median of the pixels that see a body; NaN if none."""
     range_m = frame.buffer("range")
     seen = range_m[np.isfinite(range_m)]
-    return (
-        float(np.median(seen)) * frame.info.water.bands.attenuation_per_m[GREEN]
-        if seen.size
-        else float("nan")
-    )
+    return float(np.median(seen)) * frame.info.water.bands.attenuation_per_m[GREEN] if seen.size else float("nan")
 
 
 def score_plots(result: Result, dataset: Dataset, metrics: tuple[str, ...]) -> str:

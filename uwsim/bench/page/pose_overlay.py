@@ -33,9 +33,7 @@ def pose_figure(case: Case, poses: dict[str, np.ndarray | None], result: Result 
     words += f" Dashed white: {estimated}." if estimated else " No solver found a pose."
     words += f" Rings: the {len(view.detected.body_m)} detected corners."
     alt = "Markers under water with the true and the estimated axes of their body"
-    return figure(
-        f'<div class="overlay">{picture(case.image, alt)}{overlay}</div>', "", escape(words), kind="wide"
-    )
+    return figure(f'<div class="overlay">{picture(case.image, alt)}{overlay}</div>', "", escape(words), kind="wide")
 
 
 def _axis_length_m(view) -> float:
@@ -58,11 +56,10 @@ def _axes(pose: np.ndarray, K: np.ndarray, length_m: float, unit: float, *, true
             lines.append(f'<path class="{name}" {line} stroke-width="{3.6 * unit:.3f}"/>')
             lines.append(
                 f'<text class="{name}" x="{x0 + 1.13 * (x - x0):.2f}" y="{y0 + 1.13 * (y - y0):.2f}" '
-                f'font-size="{12 * unit:.2f}" text-anchor="middle" dominant-baseline="middle">{name}</text>'
+                f'font-size="{12 * unit:.2f}" stroke-width="{2 * unit:.2f}" text-anchor="middle" '
+                f'dominant-baseline="middle">{name}</text>'
             )
         else:
             dash = f"{3.2 * unit:.2f} {2.6 * unit:.2f}"
-            lines.append(
-                f'<path class="guess" {line} stroke-width="{1.3 * unit:.3f}" stroke-dasharray="{dash}"/>'
-            )
+            lines.append(f'<path class="guess" {line} stroke-width="{1.3 * unit:.3f}" stroke-dasharray="{dash}"/>')
     return "".join(lines)

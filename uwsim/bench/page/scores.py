@@ -88,7 +88,5 @@ def _how(result: Result) -> str:
     words += f"{count} {'case' if count == 1 else 'cases'}{' (quick run)' if provenance.get('quick') else ''}"
     dataset = provenance.get("dataset")
     if dataset:
-        words += (
-            f" of dataset {dataset['name']}, seed {dataset['seed']}, dataset.json {dataset['sha256'][:12]}"
-        )
+        words += f" of dataset {dataset['name']}, seed {dataset['seed']}, dataset.json {dataset['sha256'][:12]}"
     return words + ". An arrow shows which way is better; given: the truth that the algorithm was shown."

@@ -50,9 +50,7 @@ def cepstrum(grey: np.ndarray) -> np.ndarray:
 def _vertex(values: np.ndarray, row: int, column: int) -> tuple[float, float]:
     """Return the minimum (down, right), within one pixel, of the quadratic fitted to 3 x 3 values."""
     height, width = values.shape
-    near = values[
-        np.ix_([(row + i) % height for i in (-1, 0, 1)], [(column + j) % width for j in (-1, 0, 1)])
-    ]
+    near = values[np.ix_([(row + i) % height for i in (-1, 0, 1)], [(column + j) % width for j in (-1, 0, 1)])]
     down = (near[2] - near[0]).mean() / 2
     right = (near[:, 2] - near[:, 0]).mean() / 2
     down_down = (near[0] - 2 * near[1] + near[2]).mean()

@@ -30,9 +30,7 @@ def estimate(image: np.ndarray, *, sharp: np.ndarray) -> Estimate:
     frame = grey_from_image(image, where="oracle_sharp image")
     twin = grey_from_image(sharp, where="oracle_sharp sharp")
     if frame.shape != twin.shape:
-        raise ValueError(
-            f"oracle_sharp: sharp is {twin.shape}, allowed: the size of the image, {frame.shape}"
-        )
+        raise ValueError(f"oracle_sharp: sharp is {twin.shape}, allowed: the size of the image, {frame.shape}")
     right_px, up_px = _refine(frame, twin, *_best_on_grid(frame, twin))
     return estimate_from_vector(right_px, up_px)
 

@@ -26,8 +26,6 @@ def restore(image: np.ndarray, *, backscatter: np.ndarray, transmission: np.ndar
     """
     for name, values in (("backscatter", backscatter), ("transmission", transmission)):
         if np.shape(values) != image.shape or not np.all(np.isfinite(values)):
-            raise ValueError(
-                f"oracle_inverse: {name} is {np.shape(values)}, allowed: finite, shape {image.shape}"
-            )
+            raise ValueError(f"oracle_inverse: {name} is {np.shape(values)}, allowed: finite, shape {image.shape}")
     restored = (image - backscatter) / np.maximum(transmission, SMALLEST_TRANSMISSION)
     return np.where(transmission > 0, np.clip(restored, 0, 1), 0).astype(np.float32)
