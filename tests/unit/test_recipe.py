@@ -42,6 +42,12 @@ def test_a_new_draw_shifts_no_other():
     assert half_angles(recipe(RANGES, frames=5)) == half_angles(recipe(TURNS | RANGES | FACTORS, frames=5))
 
 
+def test_two_draws_of_one_frame_are_independent():
+    made = recipe(RANGES | {"water.particle_factor": RANGES[HALF_ANGLE]}, frames=8)
+    pairs = [(scene.rig.lamps[0].half_angle_deg, scene.water.particle_factor) for scene in scenes(made)]
+    assert all(abs(angle - factor) > 1e-6 for angle, factor in pairs)
+
+
 def test_frames_keep_their_values_when_a_group_grows():
     assert half_angles(recipe(RANGES, frames=5)) == half_angles(recipe(RANGES, frames=9))[:5]
 
