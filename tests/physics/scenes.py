@@ -64,7 +64,7 @@ def wall(*, distance_m: float, lamp_m=(0.0, 0.0, 0.0), half_angle_deg: float = 4
 def replicates(scene: Scene, *, water, integrator: str, samples: int, count: int = 16, **options) -> np.ndarray:
     """Return mean band radiance over the image, (count, 3), each with its own seed."""
     poses = options.pop("poses", scene.rig.world_from_rig[None])
-    view = transport.view_of(scene)
+    view = options.pop("view", None) or transport.view_of(scene)
     built = build(scene, water=water, rig_poses=poses, integrator=integrator, **options)
     images = [
         transport.radiance(built, view, samples_per_pixel=samples, batches=2, seed=seed)[0] for seed in range(count)

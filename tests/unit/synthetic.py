@@ -34,6 +34,7 @@ def write_dataset(folder: Path, frames: tuple[int, ...] = (0, 1, 2, 3)) -> store
         Path(folder),
         {
             "format": 1, "name": "synthetic", "complete": True, "seed": 7, "recipe": {"name": "synthetic"},
+            "scenes_sha256": "0" * 64,
             "versions": {"uwsim": "0"}, "commit": None, "machine": {}, "files": store.checksums(Path(folder)),
         },
     )  # fmt: skip
@@ -187,6 +188,7 @@ def _info(frame: int, attenuation: np.ndarray, moving: bool) -> dict:
             {
                 "name": "left", "position_m": tuple(pose[:3, 3] - [0.3, 0, 0]), "direction": (0.0, 1.0, 0.0),
                 "radiant_intensity_w_per_sr": 2.0, "spectrum": "white", "half_angle_deg": None,
+                "relative_spectrum_per_nm": (0.3, 0.4, 0.3), "beam_angles_deg": (0.0, 60.0), "beam_values": (1.0, 0.0),
             },
         ),
         "water": {

@@ -19,10 +19,10 @@ FILES = ("image.png", "frame.exr", "frame.json")
 # name -> (channels, EXR sample type); FORMAT.md says what each holds
 BUFFERS = {
     "radiance": (3, "float"),
-    "backscatter": (3, "half"),
+    "backscatter": (3, "float"),
     "water_free": (3, "float"),
-    "transmission": (3, "half"),
-    "standard_error": (3, "half"),
+    "transmission": (3, "float"),
+    "standard_error": (3, "float"),
     "range": (1, "float"),
     "z_depth": (1, "float"),
     "normal": (3, "half"),
@@ -76,7 +76,10 @@ class Lamp(_Strict):
     direction: Vector3
     radiant_intensity_w_per_sr: float
     spectrum: str
+    relative_spectrum_per_nm: Spectrum
     half_angle_deg: float | None
+    beam_angles_deg: Spectrum | None
+    beam_values: Spectrum | None
 
 
 class WaterBands(_Strict):

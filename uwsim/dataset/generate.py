@@ -1,5 +1,6 @@
 """Generate a dataset: one frame after the other, each complete or absent; interruptions change nothing."""
 
+import hashlib
 import json
 import time
 from collections.abc import Callable
@@ -10,7 +11,10 @@ from uwsim.dataset import store
 from uwsim.dataset.frame import FORMAT_VERSION, write_frame
 from uwsim.dataset.make import make_frame
 from uwsim.dataset.recipe import Recipe, draw_scene, resolved
+from uwsim.files import sha256
 from uwsim.render import shapes
+from uwsim.scene import truth
+from uwsim.scene.models import Scene
 
 Progress = Callable[[int, int, str, int, int], None]
 
@@ -28,8 +32,10 @@ def generate(
     """
     scenes = [draw_scene(recipe, frame, where=where) for frame in range(recipe.frames)]
     for scene in scenes:
+        truth.sensor_constants(scene)  # refuses lamps that leave a band dark
+    for scene in scenes:
         shapes.check_files(scene)
-    manifest = _begin(recipe, Path(out), resume=resume)
+    manifest = _begin(recipe, scenes, Path(out), resume=resume)
     frames = Path(out) / "frames"
     frames.mkdir(exist_ok=True)
     for frame, scene in enumerate(scenes):
@@ -51,7 +57,7 @@ def generate(
     return store.open(Path(out))
 
 
-def _begin(recipe: Recipe, out: Path, *, resume: bool) -> dict:
+def _begin(recipe: Recipe, scenes: list[Scene], out: Path, *, resume: bool) -> dict:
     """Return the manifest of an unfinished dataset in `out`, new or the one found there."""
     manifest = {
         "format": FORMAT_VERSION,
@@ -59,6 +65,7 @@ def _begin(recipe: Recipe, out: Path, *, resume: bool) -> dict:
         "complete": False,
         "seed": recipe.seed,
         "recipe": resolved(recipe),
+        "scenes_sha256": _fingerprint(scenes),
         "versions": _versions(),
         "commit": provenance.commit(),
         "machine": _machine(),
@@ -70,7 +77,7 @@ def _begin(recipe: Recipe, out: Path, *, resume: bool) -> dict:
         if not resume:
             raise ValueError(f"--out {out}: the folder is not empty; go on with --resume, or choose another folder")
         found = store.read_manifest(out)
-        for key in ("format", "name", "seed", "recipe", "versions", "machine"):
+        for key in ("format", "name", "seed", "recipe", "scenes_sha256", "versions", "machine"):
             if found[key] != manifest[key]:
                 raise ValueError(f"--resume {out}: {key} differs from what was begun there; choose another folder")
         _remove_leftovers(out)
@@ -78,6 +85,18 @@ def _begin(recipe: Recipe, out: Path, *, resume: bool) -> dict:
     out.mkdir(parents=True, exist_ok=True)
     store.write_manifest(out, manifest)
     return manifest
+
+
+def _fingerprint(scenes: list[Scene]) -> str:
+    """Return a checksum of what is rendered: the drawn scenes, with the contents of their files for their names."""
+    digest = hashlib.sha256()
+    for scene in scenes:
+        values = scene.model_dump(mode="json")
+        for body, entry in zip(scene.bodies, values["bodies"], strict=True):
+            if "file" in entry:
+                entry["file"] = sha256(body.file)
+        digest.update(json.dumps(values, sort_keys=True).encode())
+    return digest.hexdigest()
 
 
 def _remove_leftovers(out: Path) -> None:

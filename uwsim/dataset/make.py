@@ -23,11 +23,11 @@ def make_frame(
 
     (seed, frame) name the random streams, so that a frame can be made again alone.
     """
+    constants = truth.sensor_constants(scene)  # first: it may refuse the scene
     rendered = render_frame(
         scene, samples_per_pixel=samples_per_pixel, batches=batches, seed=seed, frame=frame, progress=progress
     )
     noise_seed = seeds.integer(seed, frame, "sensor")
-    constants = truth.sensor_constants(scene)
     # Monte-Carlo radiance is >= 0 by construction: every estimate is a sum of non-negative terms
     image = sensor.expose(rendered.buffers["radiance"], rng=np.random.default_rng(noise_seed), **constants)
     info = _describe(
@@ -87,7 +87,10 @@ def _lamp(lamp, world_from_rig: np.ndarray) -> dict:
         "direction": pose[:3, 2].tolist(),
         "radiant_intensity_w_per_sr": lamp.intensity_w_per_sr,
         "spectrum": lamp.spectrum if isinstance(lamp.spectrum, str) else "table",
+        "relative_spectrum_per_nm": lamp.relative_spectrum.tolist(),
         "half_angle_deg": lamp.half_angle_deg,
+        "beam_angles_deg": lamp.beam and lamp.beam.angles_deg,
+        "beam_values": lamp.beam and lamp.beam.values,
     }
 
 

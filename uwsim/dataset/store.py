@@ -57,6 +57,7 @@ class Manifest(BaseModel):
     complete: bool
     seed: int
     recipe: dict
+    scenes_sha256: str
     versions: dict
     commit: str | None
     machine: dict

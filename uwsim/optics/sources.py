@@ -17,11 +17,15 @@ def _colour():
     return colour
 
 
-def _look_up(table, name: str, *, what: str, allowed=None):
-    known = list(table) if allowed is None else allowed
+def _look_up(table, name: str, *, what: str):
+    known = [key for key, curve in table.items() if _covers(curve.wavelengths)]
     if name not in known:
         raise ValueError(f"{what}: got {name!r}, allowed: {', '.join(known)}")
     return table[name]
+
+
+def _covers(wavelengths_nm: np.ndarray) -> bool:
+    return wavelengths_nm[0] <= WAVELENGTHS_NM[0] and wavelengths_nm[-1] >= WAVELENGTHS_NM[-1]
 
 
 @functools.cache

@@ -11,6 +11,8 @@ from uwsim.optics.water import Water
 from uwsim.render.shapes import body_shapes, spectrum, tensor
 from uwsim.scene.models import Scene
 
+_LEAST_ATTENUATION_PER_M = 1e-6
+
 
 @dataclass(frozen=True)
 class Built:
@@ -41,17 +43,24 @@ def rig_poses(scene: Scene, times_s: np.ndarray) -> np.ndarray:
 
 
 def build(
-    scene: Scene, *, water: Water | None, rig_poses: np.ndarray, integrator: str, black_bodies: bool = False
+    scene: Scene,
+    *,
+    water: Water | None,
+    rig_poses: np.ndarray,
+    integrator: str,
+    black_bodies: bool = False,
+    max_depth: int = -1,
 ) -> Built:
     """Load a scene into the active Mitsuba variant.
 
     water: what fills the world, None for none (absorption = scattering = 0).
     rig_poses: world_from_rig (n, 4, 4) through the exposure. integrator: name of a Mitsuba integrator.
+    max_depth: longest path, in events from the lamp to the camera; 2 keeps single scattering, -1 everything.
     black_bodies: every body absorbs all light; what still reaches the camera is the backscatter.
     """
     import mitsuba as mi
 
-    description = {"type": "scene", "integrator": integrator_description(integrator)}
+    description = {"type": "scene", "integrator": integrator_description(integrator, max_depth=max_depth)}
     for index, lamp in enumerate(scene.rig.lamps):
         description[f"lamp{index}"] = _lamp(mi, lamp, rig_poses)
     return Built(
@@ -86,11 +95,13 @@ def load_medium(mi, water: Water | None):
     if water is None or not np.any(water.attenuation > 0):
         return None
     low, high = float(WAVELENGTHS_NM[0]), float(WAVELENGTHS_NM[-1])
+    # a ray whose wavelengths include one without any attenuation would lose its scattered light (0 x inf)
+    attenuation = np.maximum(water.attenuation, _LEAST_ATTENUATION_PER_M)
     return mi.load_dict(
         {
             "type": "homogeneous",
-            "sigma_t": spectrum(water.attenuation),
-            "albedo": spectrum(water.single_scattering_albedo),
+            "sigma_t": spectrum(attenuation),
+            "albedo": spectrum(water.scattering / attenuation),
             "phase": {
                 "type": "hg_mixture",
                 "g": tensor(mi, water.phase.g),
@@ -102,10 +113,9 @@ def load_medium(mi, water: Water | None):
     )
 
 
-def integrator_description(name: str) -> dict:
-    """Return the Mitsuba description of an integrator."""
-    # unlimited depth, ended by Russian roulette: no bias
-    return {"type": name, "max_depth": -1, "rr_depth": 5}
+def integrator_description(name: str, *, max_depth: int = -1) -> dict:
+    """Return the Mitsuba description of an integrator; unlimited depth, ended by Russian roulette, has no bias."""
+    return {"type": name, "max_depth": max_depth, "rr_depth": 5}
 
 
 def _lamp(mi, lamp, poses: np.ndarray) -> dict:

@@ -13,8 +13,9 @@ from uwsim.render.transport import View, view_of
 from uwsim.scene.models import Scene
 
 IN_WATER, IN_AIR = "volpathmis", "path"
+_NOWHERE_M = 1.0  # distance taken for pixels that see no body
 _STEPS_PER_PIXEL = 4  # steps of the exposure per pixel of the longest streak
-_SAMPLES_TRANSMISSION = 16
+_SAMPLES_TRANSMISSION = 64
 
 Progress = Callable[[str, int, int], None]
 
@@ -42,16 +43,20 @@ def render_frame(
     selfcheck.check_medium(view, water, integrator=IN_WATER, seed=seeds.integer(seed, frame, "self-check"))
     middle = rig_poses(scene, np.zeros(1))
     buffers = geometry.geometry(scene, view, world_from_camera=middle[0])
-    steps, blur = 1, None
-    if moves(scene):
+    steps, blur, moving = 1, None, moves(scene)
+    if moving:
         flow_start, flow_end = flow(scene, view, buffers["range"])
-        steps = max(1, int(np.ceil(_STEPS_PER_PIXEL * _longest(flow_end - flow_start))))
+        # what enters the view during the exposure counts too: as if something were seen everywhere
+        everywhere = flow(scene, view, np.where(np.isfinite(buffers["range"]), buffers["range"], _NOWHERE_M))
+        steps = max(1, int(np.ceil(_STEPS_PER_PIXEL * _longest(everywhere[1] - everywhere[0]))))
         blur = summarise_blur(flow_end - flow_start, buffers["instance"] > 0)
         buffers |= {"flow_start": flow_start, "flow_end": flow_end}
     times_s, poses = exposure_poses(scene, steps=steps)
 
     def light(name, *, water, poses, integrator, black=False):
         built = build(scene, water=water, rig_poses=poses, integrator=integrator, black_bodies=black)
+        if water is not None and built.medium is None and np.any(water.attenuation > 0):
+            raise ValueError(f"{scene.name}: the camera lost its water while the scene was built; the image is refused")
         report = None if progress is None else (lambda done, total: progress(name, done, total))
         return transport.radiance(
             built, view, samples_per_pixel=samples_per_pixel, batches=batches,
@@ -61,7 +66,7 @@ def render_frame(
     buffers["radiance"], buffers["standard_error"] = light("radiance", water=water, poses=poses, integrator=IN_WATER)
     buffers["backscatter"], _ = light("backscatter", water=water, poses=poses, integrator=IN_WATER, black=True)
     buffers["water_free"], _ = light("water_free", water=None, poses=poses, integrator=IN_AIR)
-    if blur is not None:
+    if moving:
         buffers["sharp"], _ = light("sharp", water=water, poses=middle, integrator=IN_WATER)
     buffers["transmission"] = transport.transmission(
         build(scene, water=None, rig_poses=poses, integrator=IN_AIR), view, attenuation=water.attenuation,

@@ -24,12 +24,11 @@ def geometry(scene, view: View, *, world_from_camera: np.ndarray) -> dict[str, n
     world = directions.reshape(-1, 3) @ world_from_camera[:3, :3].T
     loaded = build_bodies(scene)
     cast = _cast_scalar if _is_scalar() else _cast_compiled
-    distance, normal, instance, reflectance = cast(loaded, world_from_camera[:3, 3], world)
+    weights = view.response * np.gradient(WAVELENGTHS_NM)[:, None]
+    distance, normal, instance, albedo = cast(loaded, world_from_camera[:3, 3], world, weights / weights.sum(axis=0))
 
     seen = np.isfinite(distance)
     facing = np.sign(-np.sum(normal * world, axis=-1, keepdims=True))
-    weights = view.response * np.gradient(WAVELENGTHS_NM)[:, None]
-    albedo = reflectance @ (weights / weights.sum(axis=0))
     shape = (view.height_px, view.width_px)
     range_m = np.where(seen, distance, np.inf).astype(np.float32).reshape(shape)
     return {
@@ -47,7 +46,7 @@ def _is_scalar() -> bool:
     return mi.variant().startswith("scalar_")
 
 
-def _cast_compiled(scene, origin: np.ndarray, directions: np.ndarray):
+def _cast_compiled(scene, origin: np.ndarray, directions: np.ndarray, weights: np.ndarray):
     import drjit as dr
     import mitsuba as mi
 
@@ -59,24 +58,24 @@ def _cast_compiled(scene, origin: np.ndarray, directions: np.ndarray):
     # the albedo of a Lambertian body is pi times its BSDF, here seen and lit along the normal
     si.wi = mi.Vector3f(0, 0, 1)
     bsdf = si.bsdf()
-    reflectance = np.zeros((len(directions), len(WAVELENGTHS_NM)), np.float32)
+    albedo = np.zeros((len(directions), weights.shape[1]))
     for start in range(0, len(WAVELENGTHS_NM), _LANES):
         carried = WAVELENGTHS_NM[start : start + _LANES]
         si.wavelengths = mi.Spectrum(*np.resize(carried, _LANES).tolist())
         dr.make_opaque(si.wavelengths)  # one kernel for all wavelengths
         value = bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0, 1), si.is_valid()) * dr.pi
-        reflectance[:, start : start + len(carried)] = value.numpy().T[:, : len(carried)]
+        albedo += value.numpy().T[:, : len(carried)] @ weights[start : start + len(carried)]
     normal = si.n.numpy().T
-    return si.t.numpy(), normal, instance.numpy(), reflectance
+    return si.t.numpy(), normal, instance.numpy(), albedo
 
 
-def _cast_scalar(scene, origin: np.ndarray, directions: np.ndarray):
+def _cast_scalar(scene, origin: np.ndarray, directions: np.ndarray, weights: np.ndarray):
     import mitsuba as mi
 
     context, upright = mi.BSDFContext(), mi.ScalarVector3f(0, 0, 1)
     count = len(directions)
     distance, instance = np.full(count, np.inf), np.zeros(count, int)
-    normal, reflectance = np.zeros((count, 3)), np.zeros((count, len(WAVELENGTHS_NM)))
+    normal, albedo = np.zeros((count, 3)), np.zeros((count, weights.shape[1]))
     for index, direction in enumerate(directions):
         si = scene.ray_intersect(mi.Ray3f(mi.ScalarPoint3f(origin), mi.ScalarVector3f(direction)))
         if not si.is_valid():
@@ -89,5 +88,5 @@ def _cast_scalar(scene, origin: np.ndarray, directions: np.ndarray):
             carried = WAVELENGTHS_NM[start : start + _LANES]
             si.wavelengths = mi.Spectrum(np.resize(carried, _LANES).tolist())
             value = np.array(bsdf.eval(context, si, upright)) * np.pi
-            reflectance[index, start : start + len(carried)] = value[: len(carried)]
-    return distance, normal, instance, reflectance
+            albedo[index] += value[: len(carried)] @ weights[start : start + len(carried)]
+    return distance, normal, instance, albedo

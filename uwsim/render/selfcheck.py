@@ -16,20 +16,22 @@ from uwsim.render.build import Built, integrator_description, load_medium
 from uwsim.render.transport import View
 
 _SIZE_PX = 8
-_TOLERANCE = 0.02  # model tolerance: linear interpolation of band integrals, float32 transport
+_SAMPLES = 2048
+_TOLERANCE = 0.02  # model tolerance: float32 transport
 
 
 def check_medium(view: View, water: Water, *, integrator: str, seed: int) -> None:
     """Raise ValueError unless a glowing white target is dimmed by exp(-c r), in every band.
 
-    All attenuation is made absorption for the check, so that exp(-c r) is exact. The distance is chosen where the
-    clearest wavelength keeps about half of its light.
+    All attenuation is made absorption for the check, so that exp(-c r) is exact. The distance is where the
+    average over response and wavelengths keeps about half of its light.
     """
     if not np.any(water.attenuation > 0):
         return
-    distance_m = 0.7 / max(float(water.attenuation.min()), 1e-3)
+    mean_per_m = float(np.mean(band_mean(water.attenuation, view.response)))
+    distance_m = 0.7 / max(mean_per_m, 1e-3)
     measured, error = _target(view, water, distance_m=distance_m, integrator=integrator, seed=seed)
-    expected = band_mean(np.exp(-water.attenuation * distance_m), view.response)
+    expected = _expected(view, water, distance_m)
     allowed = _TOLERANCE * expected + 5 * error
     if np.any(np.abs(measured - expected) > allowed):
         raise ValueError(
@@ -37,6 +39,14 @@ def check_medium(view: View, water: Water, *, integrator: str, seed: int) -> Non
             f"{_text(measured)} of its light (R, G, B), allowed: exp(-c r) = {_text(expected)} "
             f"+- {_text(allowed)}; the image would be wrong and is refused"
         )
+
+
+def _expected(view: View, water: Water, distance_m: float) -> np.ndarray:
+    """Return the band means of exp(-c r), (3,), c and response interpolated linearly in their tables."""
+    fine = np.arange(WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1] + 0.01, 0.25)
+    kept = np.exp(-np.interp(fine, WAVELENGTHS_NM, water.attenuation) * distance_m)
+    response = np.stack([np.interp(fine, WAVELENGTHS_NM, band) for band in view.response.T], axis=-1)
+    return np.trapezoid(kept[:, None] * response, fine, axis=0) / np.trapezoid(response, fine, axis=0)
 
 
 def _target(view: View, water: Water, *, distance_m: float, integrator: str, seed: int):
@@ -61,7 +71,7 @@ def _target(view: View, water: Water, *, distance_m: float, integrator: str, see
         medium=load_medium(mi, absorbing),
         world_from_camera=np.eye(4)[None],
     )
-    image, _ = transport.radiance(built, narrow, samples_per_pixel=256, batches=2, seed=seed)
+    image, _ = transport.radiance(built, narrow, samples_per_pixel=_SAMPLES, batches=2, seed=seed)
     pixels = image.reshape(-1, transport.BANDS).astype(float)
     return pixels.mean(axis=0), pixels.std(axis=0, ddof=1) / np.sqrt(len(pixels))
 

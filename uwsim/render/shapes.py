@@ -22,9 +22,10 @@ def spectrum(values: np.ndarray, *, where: str = "spectrum") -> dict:
 
 
 def tensor(mi, values: np.ndarray):
-    """Return an array as a rank-3 tensor, the form in which Mitsuba hands arrays to plugins."""
+    """Return an array (n,) or (n, m) as a tensor (1, n, m), the form in which Mitsuba hands arrays to plugins."""
     values = np.asarray(values, dtype=np.float32)
-    return mi.TensorXf(values.reshape(values.shape + (1,) * (3 - values.ndim)))
+    # a leading axis of 3 would first be taken for a colour, with a complaint on standard error
+    return mi.TensorXf(values.reshape(1, len(values), -1))
 
 
 def body_shapes(mi, body, *, black: bool) -> dict[str, object]:

@@ -17,6 +17,7 @@ Progress = Callable[[int, int], None]
 BANDS = 3
 # Samples that one launch may hold; bounds memory.
 _LAUNCH_SAMPLES = 1 << 22
+_ROW_SAMPLES = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,11 @@ def _accumulate(built, view, estimate, *, samples_per_pixel, batches, seed, prog
 
     film = _Film(view)
     per_batch = samples_per_pixel // batches
+    if view.width_px * per_batch > _ROW_SAMPLES:
+        raise ValueError(
+            f"samples_per_pixel: {samples_per_pixel} in {batches} batches makes {view.width_px * per_batch} samples "
+            f"per image row and batch, allowed: {_ROW_SAMPLES} (memory); use more batches"
+        )
     rows = max(1, min(view.height_px, _LAUNCH_SAMPLES // (view.width_px * per_batch)))
     launches = [(batch, top) for batch in range(batches) for top in range(0, view.height_px, rows)]
     sums = squares = None
@@ -194,12 +200,14 @@ class _Film:
         return rays, weights
 
     def _draw_wavelengths(self, uniform):
+        import drjit as dr
         import mitsuba as mi
 
         wavelengths, pdf = mi.Spectrum(0.0), mi.Spectrum(0.0)
         shifted = mi.sample_shifted(uniform)
         for channel in range(4):
-            wavelengths[channel], pdf[channel] = self.wavelengths.sample_pdf(shifted[channel])
+            inside = dr.clip(shifted[channel], 2e-7, 1 - 2e-7)  # at 0 and 1 the density may be 0
+            wavelengths[channel], pdf[channel] = self.wavelengths.sample_pdf(inside)
         return wavelengths, pdf
 
 

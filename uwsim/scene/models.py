@@ -15,7 +15,7 @@ from uwsim.optics import sources
 from uwsim.optics.spectrum import WAVELENGTHS_NM, on_grid
 from uwsim.optics.water import Water, named_water
 from uwsim.scene.base import NonNegative, Positive, Strict, Table, Vector3
-from uwsim.scene.bodies import Body
+from uwsim.scene.bodies import Body, MarkerBoard
 
 
 class Phase(Strict):
@@ -30,6 +30,8 @@ class Phase(Strict):
         terms = self.g if isinstance(self.g, tuple) else (self.g,)
         if any(abs(g) >= 1 for g in terms):
             raise ValueError(f"g is {self.g}, allowed: between -1 and 1, exclusive")
+        if self.type == "hg_mixture" and not isinstance(self.g, tuple):
+            raise ValueError(f"g is {self.g}, allowed for hg_mixture: a list, one per weight")
         if (self.type == "hg_mixture") != (self.weights is not None):
             raise ValueError("weights belong to type hg_mixture, and only to it")
         if self.weights is not None and (len(self.weights) != len(terms) or abs(sum(self.weights) - 1) > 1e-6):
@@ -207,13 +209,17 @@ class Exposure(Strict):
     f_number: Annotated[float, Field(gt=0.5, le=64)] = 2.8
 
 
+Gain = Annotated[float, Field(ge=1, le=1000)]
+
+
 class Sensor(Strict):
-    """Noise and gain of the camera; white balance is set on a grey body under the first lamp, in air."""
+    """Noise and gain of the camera; without gains, white balance is set on a grey body under the first lamp, in air."""
 
     pixel_pitch_m: Annotated[float, Field(gt=0, le=1e-3)] = 5.5e-6
     peak_quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.5
     full_well_e: Positive = 10000.0
     read_noise_e: NonNegative = 4.0
+    white_balance: tuple[Gain, Gain, Gain] | None = None
 
 
 class Scene(Strict):
@@ -232,6 +238,11 @@ class Scene(Strict):
         names = [body.name for body in self.bodies]
         if len(set(names)) != len(names):
             raise ValueError(f"bodies: names {names} are not unique")
+        boards = [body for body in self.bodies if isinstance(body, MarkerBoard)]
+        marks = [(board.dictionary, marker_id) for board in boards for marker_id in board.ids]
+        if len(set(marks)) != len(marks):
+            names = [board.name for board in boards]
+            raise ValueError(f"bodies: boards {names} share marker ids, allowed: each marker once (first_id)")
         for lamp in self.rig.lamps:
             height = (self.rig.world_from_rig @ lamp.rig_from_lamp)[2, 3]
             if height >= 0:

@@ -10,6 +10,7 @@ from uwsim.scene.models import Scene
 
 # A corner counts as hidden when something is seen this share of its range in front of it.
 _HIDDEN_SHARE = 0.02
+_LEAST_SIGNAL = 0.02
 
 
 def sensor_constants(scene: Scene) -> dict:
@@ -25,8 +26,24 @@ def sensor_constants(scene: Scene) -> dict:
         "electrons_per_radiance": electrons,
         "full_well_e": scene.sensor.full_well_e,
         "read_noise_e": scene.sensor.read_noise_e,
-        "white_balance": grey[1] / grey,
+        "white_balance": white_balance(scene, grey),
     }
+
+
+def white_balance(scene: Scene, grey: np.ndarray) -> np.ndarray:
+    """Return the gain of each band, at least 1: as given, else such that a grey body under the first lamp is neutral.
+
+    `grey` (3,): the electrons that such a body makes. Raises ValueError if a band gets next to none.
+    """
+    if scene.sensor.white_balance is not None:
+        return np.array(scene.sensor.white_balance)
+    if grey.min() < _LEAST_SIGNAL * grey.max():
+        shares = np.round(grey / grey.max(), 4).tolist()
+        raise ValueError(
+            f"lamp {scene.rig.lamps[0].name}: a grey body gives the bands signals {shares}, "
+            f"allowed: at least {_LEAST_SIGNAL} of the strongest; give sensor.white_balance = [r, g, b] for such a lamp"
+        )
+    return grey.max() / grey
 
 
 def water_bands(scene: Scene) -> dict:

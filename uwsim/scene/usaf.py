@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+TEXTURE_LIMIT = 4096  # texels across a chart
+_LEAST_TEXELS = 2.0  # per finest bar
+
 
 @dataclass(frozen=True)
 class Element:
@@ -72,13 +75,20 @@ def layout(*, first_group: int, last_group: int, width_mm: float) -> Layout:
     if needed > width_mm:
         groups = f"groups {first_group} to {last_group}"
         raise ValueError(f"width_m: got {width_mm / 1e3:g}, needed for {groups}: {needed / 1e3:.3g} or more")
+    finest = bar_width_mm(group=last_group, element=6)
+    if finest * TEXTURE_LIMIT < _LEAST_TEXELS * width_mm:
+        raise ValueError(
+            f"last_group: {last_group} on a chart of {width_mm / 1e3:g} m has bars of {finest:.3g} mm, allowed: "
+            f"{_LEAST_TEXELS * width_mm / TEXTURE_LIMIT:.3g} mm or more (the texture has {TEXTURE_LIMIT} texels); "
+            "use a smaller chart"
+        )
     shift = (width_mm - needed) / 2
     moved = tuple(Element(e.group, e.element, e.left_mm + shift, e.top_mm, e.bar_mm) for e in elements)
     return Layout(width_mm=width_mm, height_mm=height, elements=moved)
 
 
 @functools.lru_cache(maxsize=4)
-def draw(chart: Layout, *, texels_per_finest_bar: int = 4, limit: int = 4096) -> np.ndarray:
+def draw(chart: Layout, *, texels_per_finest_bar: int = 4, limit: int = TEXTURE_LIMIT) -> np.ndarray:
     """Return the coverage of the chart, (rows, columns), 0 dark bars and labels, 1 bright ground.
 
     Each texel holds the exact covered share. The texture has `texels_per_finest_bar` texels per finest bar, at most

@@ -9,9 +9,9 @@ class LED(mi.Emitter):
 
     | parameter | type | meaning |
     |---|---|---|
-    | `poses` | (n, 3, 4) tensor | world_from_lamp at n equal steps of the exposure; the beam is along +z [m] |
+    | `poses` | (1, n, 12) tensor | rows 1-3 of world_from_lamp at n equal steps of the exposure [m]; beam along +z |
     | `intensity` | spectrum | radiant intensity on the axis [W sr^-1 nm^-1] |
-    | `profile` | (k, 1, 1) tensor | intensity relative to the axis at k equal angles from 0 to 180 degrees |
+    | `profile` | (1, k, 1) tensor | intensity relative to the axis at k equal angles from 0 to 180 degrees |
 
     The emitter reads `time` of the illuminated point, in [0, 1) of the exposure.
     """
@@ -21,8 +21,8 @@ class LED(mi.Emitter):
         poses = props["poses"]
         profile = props["profile"]
         self.intensity = props["intensity"]
-        self.steps = poses.shape[0]
-        self.angles = profile.shape[0]
+        self.steps = poses.shape[1]
+        self.angles = profile.shape[1]
         self.poses = mi.Float(poses.array)
         self.profile = mi.Float(profile.array)
         self.m_flags = int(mi.EmitterFlags.DeltaPosition)

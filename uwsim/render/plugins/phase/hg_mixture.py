@@ -9,8 +9,8 @@ class HGMixture(mi.PhaseFunction):
 
     | parameter | type | meaning |
     |---|---|---|
-    | `g` | (k, 1, 1) tensor | mean cosine of each term, in (-1, 1) |
-    | `weights` | (k, n, 1) tensor | share of each term at n equal steps of wavelength, columns sum to 1 |
+    | `g` | (1, k, 1) tensor | mean cosine of each term, in (-1, 1) |
+    | `weights` | (1, k, n) tensor | share of each term at n equal steps of wavelength, columns sum to 1 |
     | `wavelength_min`, `wavelength_max` | float | first and last wavelength of `weights` [nm] |
 
     A term is drawn by its share averaged over the wavelengths that the ray carries, so the density used for
@@ -20,7 +20,7 @@ class HGMixture(mi.PhaseFunction):
     def __init__(self, props):
         super().__init__(props)
         g, weights = props["g"], props["weights"]
-        self.terms, self.nodes = weights.shape[0], weights.shape[1]
+        self.terms, self.nodes = weights.shape[1], weights.shape[2]
         self.low, self.high = props["wavelength_min"], props["wavelength_max"]
         self.g = mi.Float(g.array)
         self.weights = mi.Float(weights.array)
