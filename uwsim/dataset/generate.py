@@ -4,6 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from uwsim import provenance
@@ -33,7 +34,6 @@ def generate(
     scenes = [draw_scene(recipe, frame, where=where) for frame in range(recipe.frames)]
     for scene in scenes:
         truth.sensor_constants(scene)  # refuses lamps that leave a band dark
-    for scene in scenes:
         shapes.check_files(scene)
     manifest = _begin(recipe, scenes, Path(out), resume=resume)
     frames = Path(out) / "frames"
@@ -43,9 +43,7 @@ def generate(
         if folder.is_dir():
             continue
         started = time.monotonic()
-        report = None
-        if progress is not None:
-            report = lambda what, done, total, frame=frame: progress(frame, recipe.frames, what, done, total)  # noqa: E731
+        report = None if progress is None else partial(progress, frame, recipe.frames)
         image, buffers, info = make_frame(
             scene, name=folder.name, group=recipe.locate(frame)[0].name, seed=recipe.seed, frame=frame,
             samples_per_pixel=recipe.samples_per_pixel, batches=recipe.batches, progress=report,

@@ -6,10 +6,10 @@ import importlib
 import os
 import pkgutil
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+from uwsim.files import no_stderr
 from uwsim.render import llvm, packages, plugins
 
 DEFAULT = "llvm_ad_spectral"
@@ -78,20 +78,8 @@ def _require_loaded(choice: llvm.Choice) -> None:
 
 def _import_mitsuba(*, quietly: bool) -> ModuleType:
     # where libLLVM is kept away from it, Dr.Jit complains on stderr while it is imported
-    with _no_stderr() if quietly and "drjit" not in sys.modules else contextlib.nullcontext():
+    with no_stderr() if quietly and "drjit" not in sys.modules else contextlib.nullcontext():
         return importlib.import_module("mitsuba")
-
-
-@contextlib.contextmanager
-def _no_stderr() -> Iterator[None]:
-    kept = os.dup(2)
-    try:
-        with Path(os.devnull).open("w") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
 
 
 def _load_plugins() -> None:
