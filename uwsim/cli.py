@@ -137,6 +137,45 @@ def scenes() -> None:
 
 
 @app.command()
+def water(
+    name: Annotated[str, typer.Argument(help="Name of a water type, such as tank_low, jerlov_III, petzold_harbor")],
+    out: Annotated[Path | None, typer.Option("--out", help="PNG file: a, b, c and phase function.")] = None,
+    particle_factor: Annotated[float, typer.Option(help="Particles, as a multiple of the type's.")] = 1.0,
+    source: Annotated[str | None, typer.Option(help="Rival table of a Jerlov type.")] = None,
+    json: JsonOut = None,
+) -> None:
+    """Print a water's coefficients and phase function; --out draws them."""
+    import json as json_module
+
+    from uwsim.optics import describe
+
+    for target in (out, None if json in (None, "-") else Path(json)):
+        if target is not None:
+            _parent(target)
+    if out is not None and out.suffix.lower() != ".png":
+        raise ValueError(f"--out: got {out.name!r}, allowed: a name that ends in .png")
+    numbers = describe.describe_named(name, particle_factor=particle_factor, source=source)
+    if out is not None:
+        from uwsim.optics.plots import plot_water
+        from uwsim.optics.water import named_water
+
+        plot_water(named_water(name, particle_factor=particle_factor, source=source), out)
+    if json is not None:
+        _write_json(json, json_module.dumps(numbers, indent=1) + "\n")
+    if json != "-":
+        _print(describe.as_text(numbers))
+
+
+@app.command()
+def optics(out: Out) -> None:
+    """Write the optics page: waters, phase functions, lamp field, port, and the table of equations."""
+    from uwsim import commands
+
+    commands.write_optics_page(out)
+    _print(f"{out / 'README.md'}")
+
+
+@app.command()
 def render(
     scene: Annotated[str, typer.Argument(help="TOML file, or the name of a shipped scene")],
     out: Out,

@@ -1,6 +1,7 @@
 """What the commands of `uwsim.cli` do, without printing."""
 
 import re
+import tempfile
 from pathlib import Path
 
 from uwsim.progress import Report
@@ -187,3 +188,17 @@ def demonstrate(out: Path, *, report: Report) -> Path:
     report("report", 0, 1)
     write_page(out / "dataset", page, results)
     return page
+
+
+def write_optics_page(out: Path) -> None:
+    """Write the optics page into `out`: figures of waters, phase functions, lamp field and port, and README.md."""
+    import shutil
+
+    from uwsim import optics_page
+
+    _folder(out)
+    with tempfile.TemporaryDirectory(dir=out.resolve().parent) as folder:
+        optics_page.write(Path(folder))
+        out.mkdir(exist_ok=True)
+        for file in sorted(Path(folder).iterdir()):
+            shutil.move(file, out / file.name)

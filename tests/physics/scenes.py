@@ -25,7 +25,7 @@ def spectral_water(*, low_per_m: float, high_per_m: float) -> Water:
     return Water("ramp", absorption, np.zeros_like(absorption), phase.constant([0.9], [1.0]))
 
 
-def wall(*, distance_m: float, lamp_m=(0.0, 0.0, 0.0), half_angle_deg: float = 40.0, **changes) -> Scene:
+def wall(*, distance_m: float, lamp_m=(0.05, 0.0, 0.0), half_angle_deg: float = 40.0, **changes) -> Scene:
     """A grey wall (reflectance 0.5) square to a narrow camera, lit by one lamp of 1 W/sr on its axis."""
     values = {
         "name": "wall",
@@ -61,18 +61,26 @@ def wall(*, distance_m: float, lamp_m=(0.0, 0.0, 0.0), half_angle_deg: float = 4
     return Scene.model_validate(values)
 
 
-def replicates(scene: Scene, *, water, integrator: str, samples: int, count: int = 16, **options) -> np.ndarray:
-    """Return mean band radiance over the image, (count, 3), each with its own seed."""
-    poses = options.pop("poses", scene.rig.world_from_rig[None])
-    view = options.pop("view", None) or transport.view_of(scene)
-    built = build(scene, water=water, rig_poses=poses, integrator=integrator, **options)
-    images = [
-        transport.radiance(built, view, samples_per_pixel=samples, batches=2, seed=seed)[0] for seed in range(count)
-    ]
-    return np.stack([image.mean(axis=(0, 1)) for image in images])
+def replicates(
+    scene: Scene, *, water, samples: int, count: int = 16, layer: str = "radiance", reference: bool = False
+) -> np.ndarray:
+    """Return the mean over the image of a layer of band radiance, (count, 3), each with its own seed.
+
+    `reference`: by Mitsuba's own integrator, which gives radiance only.
+    """
+    view = transport.view_of(scene)
+    built = build(scene, water=water, rig_poses=scene.rig.world_from_rig[None])
+
+    def image(seed):
+        settings = {"samples_per_pixel": samples, "batches": 2, "seed": seed}
+        if reference:
+            return transport.reference_radiance(built, view, **settings)[0]
+        return transport.layers(built, view, **settings)[layer]
+
+    return np.stack([image(seed).mean(axis=(0, 1)) for seed in range(count)])
 
 
-def wall_radiance(*, distance_m: float, lamp_m=(0.0, 0.0, 0.0), half_angle_deg: float = 40.0) -> tuple[float, float]:
+def wall_radiance(*, distance_m: float, lamp_m=(0.05, 0.0, 0.0), half_angle_deg: float = 40.0) -> tuple[float, float]:
     """Return the closed form at the point on the camera's axis, in vacuum, and the light path lamp-wall-camera.
 
     L = rho / pi x I_0 cos^m(angle) cos(angle) / d^2, spectral intensity 1 / 300 nm. [W m^-2 sr^-1 nm^-1, m]

@@ -1,5 +1,7 @@
 """Light in absorbing water is dimmed by exp(-c r), also with the camera inside it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -31,7 +33,7 @@ def test_lamp_wall_camera_in_absorbing_water(distance_m, low, high):
     averaged over each band. Tolerance: Monte Carlo (0.3 %), model 2e-3 (tabulated spectra, float32)."""
     water = scenes.spectral_water(low_per_m=low, high_per_m=high)
     scene = scenes.wall(distance_m=distance_m, lamp_m=LAMP_M)
-    found = scenes.replicates(scene, water=water, integrator="volpathmis", samples=1024)
+    found = scenes.replicates(scene, water=water, samples=1024)
     truth = expected(distance_m, water.absorption)
     assert_mean_matches(found, truth, max_relative_standard_error=0.01, model_tolerance=MODEL)
     with pytest.raises(AssertionError, match="biased"):  # negative control: a path 4 % too long
@@ -44,7 +46,7 @@ def test_transmission_buffer_is_exponential():
     lamp. Tolerance: model 2e-3; wavelengths are sampled, 16 per pixel."""
     water = scenes.spectral_water(low_per_m=0.2, high_per_m=1.4)
     scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
-    built = build(scene, water=None, rig_poses=scene.rig.world_from_rig[None], integrator="path")
+    built = build(scene, water=None, rig_poses=scene.rig.world_from_rig[None])
     found = transport.transmission(
         built, transport.view_of(scene), attenuation=water.absorption, samples_per_pixel=1024, seed=1
     )
@@ -57,20 +59,27 @@ def test_transmission_buffer_is_exponential():
 def test_camera_without_its_medium_is_seen():
     """Negative control of the law itself: an image without the medium around the camera must not pass."""
     scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
-    found = scenes.replicates(scene, water=None, integrator="volpathmis", samples=64)
+    found = scenes.replicates(scene, water=None, samples=64)
     truth = expected(1.0, np.full(len(WAVELENGTHS_NM), 0.5))
     with pytest.raises(AssertionError, match="biased"):
         assert_mean_matches(found, truth, max_relative_standard_error=0.1)
 
 
 def test_self_check_passes_in_water_and_refuses_what_ignores_it(monkeypatch):
-    """Setup: the check that precedes every render. Expected: volpathmis passes; an integrator that knows no media is
-    refused, and so is a camera that lost its medium."""
-    view = transport.view_of(scenes.wall(distance_m=1.0))
-    water = scenes.water(absorption_per_m=0.3, scattering_per_m=0.7)
-    selfcheck.check_medium(view, water, integrator="volpathmis", seed=1)
+    """Setup: the check that precedes every render. Expected: it passes in scattering and in strongly coloured water; a
+    camera that lost its medium is refused, and so is water 5 % clearer than described."""
+    scene = scenes.wall(distance_m=1.0)
+    murky = {"name": "tank_high"}
+    for water in ({"name": "tank_low"}, murky):
+        selfcheck.check_medium(type(scene).model_validate(scene.model_dump() | {"water": water}), seed=1)
+
+    def build_with(change):
+        return lambda target, *, water, rig_poses: build(target, water=change(water), rig_poses=rig_poses)
+
+    monkeypatch.setattr(selfcheck, "build", build_with(lambda water: None))
     with pytest.raises(ValueError, match="self-check"):
-        selfcheck.check_medium(view, water, integrator="path", seed=1)
-    monkeypatch.setattr(selfcheck, "load_medium", lambda mi, water: None)
+        selfcheck.check_medium(scene, seed=1)
+    clearer = build_with(lambda water: dataclasses.replace(water, absorption=0.95 * water.absorption))
+    monkeypatch.setattr(selfcheck, "build", clearer)
     with pytest.raises(ValueError, match="self-check"):
-        selfcheck.check_medium(view, water, integrator="volpathmis", seed=1)
+        selfcheck.check_medium(scene, seed=1)

@@ -1,4 +1,4 @@
-"""Furnace: in uniform light, water that scatters without absorbing is invisible."""
+"""Furnace: in uniform light, water that scatters without absorbing is invisible (medium, phase function, reference)."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def ball(*, albedo: float) -> np.ndarray:
     camera[2, 3] = -5.0  # looks along +z
     view = transport.view_of(scenes.wall(distance_m=1.0))
     built = Built(mi.load_dict(description, optimize=False), None, camera[None])
-    images = [transport.radiance(built, view, samples_per_pixel=512, batches=2, seed=s)[0] for s in range(16)]
+    images = [transport.reference_radiance(built, view, samples_per_pixel=512, batches=2, seed=s)[0] for s in range(16)]
     return np.stack([image.mean(axis=(0, 1)) for image in images])
 
 

@@ -17,7 +17,7 @@ DISTANCES_M = (0.5, 1.0, 2.0, 4.0)
 
 def found_at(distance_m, **lamp):
     scene = scenes.wall(distance_m=distance_m, **lamp)
-    return scenes.replicates(scene, water=None, integrator="path", samples=64, count=8)
+    return scenes.replicates(scene, water=None, samples=64, count=8)
 
 
 def test_wall_radiance_falls_with_the_square_of_the_distance():

@@ -25,9 +25,9 @@ def test_without_scattering_the_image_is_the_twin_times_the_transmission():
     water = scenes.spectral_water(low_per_m=0.2, high_per_m=1.0)
     scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
     still = scene.rig.world_from_rig[None]
-    found = scenes.replicates(scene, water=water, integrator="volpathmis", samples=1024)
-    twin = scenes.replicates(scene, water=None, integrator="path", samples=1024, count=8).mean(axis=0)
-    built, view = build(scene, water=None, rig_poses=still, integrator="path"), transport.view_of(scene)
+    found = scenes.replicates(scene, water=water, samples=1024)
+    twin = scenes.replicates(scene, water=None, samples=1024, count=8).mean(axis=0)
+    built, view = build(scene, water=None, rig_poses=still), transport.view_of(scene)
 
     def product(attenuation):
         t = transport.transmission(built, view, attenuation=attenuation, samples_per_pixel=1024, seed=3)
@@ -39,21 +39,66 @@ def test_without_scattering_the_image_is_the_twin_times_the_transmission():
         assert_mean_matches(found, product(1.05 * water.absorption), **rule)
 
 
-def test_image_of_a_black_wall_is_the_backscatter():
-    """Setup: scattering water before a wall of reflectance 0 and of reflectance 0.5 with black bodies. Expected: the
-    same image; with the wall's light it is brighter (negative control). Tolerance: Monte Carlo."""
-    water = scenes.water(absorption_per_m=0.1, scattering_per_m=0.5, g=0.5)
-    scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
-    black_wall = scenes.wall(
-        distance_m=1.0, lamp_m=LAMP_M, bodies=[scene.bodies[0].model_dump() | {"reflectance": 0.0}]
-    )
-    options = {"water": water, "integrator": "volpathmis", "samples": 2048}
-    layer = scenes.replicates(scene, black_bodies=True, **options)
-    truth = scenes.replicates(black_wall, **options).mean(axis=0)
-    rule = {"max_relative_standard_error": 0.03, "model_tolerance": 0.03}  # the reference has its own error
-    assert_mean_matches(layer, truth, **rule)
+SCATTERING = {"absorption_per_m": 0.1, "scattering_per_m": 0.5}
+# two Monte-Carlo results: the rule of one sample, with the standard error of both
+TWO_SAMPLES = {"max_relative_standard_error": 0.02, "model_tolerance": 2e-3}
+
+
+def assert_same_mean(found, reference):
+    """Independent replicates (R, 3) of two estimators: their paired differences about the reference's mean."""
+    mean = reference.mean(axis=0)
+    assert_mean_matches(mean + found - reference, mean, **TWO_SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("g", "lamp_m"),
+    [
+        (0.9, (0.1, -0.3, 0.05)),
+        pytest.param(0.5, LAMP_M, marks=pytest.mark.slow),
+        pytest.param(-0.3, (0.4, 0.1, 0.2), marks=pytest.mark.slow),
+    ],
+)
+def test_total_is_that_of_the_reference_integrator(g, lamp_m):
+    """Setup: grey wall in scattering water, all orders. Expected: the layers' sum equals Mitsuba's `volpathmis`.
+    Tolerance: Monte Carlo of both (t-test on the differences), model 2e-3. Negative control: 10 % brighter."""
+    scene, water = scenes.wall(distance_m=1.0, lamp_m=lamp_m), scenes.water(**SCATTERING, g=g)
+    reference = scenes.replicates(scene, water=water, samples=16384, reference=True)
+    found = scenes.replicates(scene, water=water, samples=4096)
+    assert_same_mean(found, reference)
     with pytest.raises(AssertionError, match="biased"):
-        assert_mean_matches(scenes.replicates(scene, **options), truth, **rule)
+        assert_same_mean(1.1 * found, reference)
+
+
+def test_backscatter_is_what_a_black_wall_leaves():
+    """Setup: backscatter layer before a grey wall, and reference image of a wall of reflectance 0. Expected: the same.
+    Negative control: forward scatter counted in."""
+    lamp_m = (0.8, 0.0, 0.0)  # far from the view: the reference is noisy beside a lamp
+    scene, water = scenes.wall(distance_m=1.0, lamp_m=lamp_m), scenes.water(**SCATTERING, g=0.3)
+    black = scenes.wall(distance_m=1.0, lamp_m=lamp_m, bodies=[scene.bodies[0].model_dump() | {"reflectance": 0.0}])
+    reference = scenes.replicates(black, water=water, samples=16384, reference=True)
+    backscatter = scenes.replicates(scene, water=water, samples=2048, layer="backscatter")
+    assert_same_mean(backscatter, reference)
+    forward = scenes.replicates(scene, water=water, samples=2048, layer="forward_scatter")
+    with pytest.raises(AssertionError, match="biased"):
+        assert_same_mean(backscatter + forward, reference)
+
+
+def test_layers_sum_to_the_image_and_vanish_where_they_must():
+    """Layers sum to float32 round-off; without scattering only direct light is left."""
+    scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
+    view = transport.view_of(scene)
+
+    def layers(water):
+        built = build(scene, water=water, rig_poses=scene.rig.world_from_rig[None])
+        return transport.layers(built, view, samples_per_pixel=64, batches=2, seed=1)
+
+    found = layers(scenes.water(**SCATTERING))
+    assert np.array_equal(found["direct"] + found["forward_scatter"] + found["backscatter"], found["radiance"])
+    assert all(found[name].min() > 0 for name in ("direct", "forward_scatter", "backscatter"))
+    clear = layers(scenes.water(absorption_per_m=0.3))
+    assert clear["direct"].min() > 0
+    assert not clear["forward_scatter"].any()
+    assert not clear["backscatter"].any()
 
 
 def test_standard_error_is_that_of_repeated_renders():
@@ -62,10 +107,11 @@ def test_standard_error_is_that_of_repeated_renders():
     scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
     built = build(
         scene, water=scenes.water(absorption_per_m=0.1, scattering_per_m=0.3, g=0.5),
-        rig_poses=scene.rig.world_from_rig[None], integrator="volpathmis",
+        rig_poses=scene.rig.world_from_rig[None],
     )  # fmt: skip
     view = transport.view_of(scene)
-    pairs = [transport.radiance(built, view, samples_per_pixel=256, batches=8, seed=seed) for seed in range(24)]
+    frames = [transport.layers(built, view, samples_per_pixel=256, batches=8, seed=seed) for seed in range(24)]
+    pairs = [(frame["radiance"], frame["standard_error"]) for frame in frames]
     spread = np.std([image for image, _ in pairs], axis=0, ddof=1)
     stated = np.sqrt(np.mean([error.astype(float) ** 2 for _, error in pairs], axis=0))
     ratio = np.sqrt(np.mean(stated**2) / np.mean(spread**2))
@@ -96,8 +142,8 @@ def test_motion_is_the_mean_over_mid_points_of_the_exposure():
         )
 
     def image(poses, samples, seed):
-        built = build(scene, water=None, rig_poses=poses, integrator="path")
-        return transport.radiance(built, view, samples_per_pixel=samples, batches=2, seed=seed)[0]
+        built = build(scene, water=None, rig_poses=poses)
+        return transport.layers(built, view, samples_per_pixel=samples, batches=2, seed=seed)["radiance"]
 
     middles = (np.arange(16) + 0.5) / 16 - 0.5
     moving = image(path(middles), 16384, 1)

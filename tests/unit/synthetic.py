@@ -146,7 +146,8 @@ def _write(folder: Path, frame: int) -> None:
     moving = frame == 2
     radiance = _smear(sharp) if moving else sharp
     buffers = {
-        "radiance": radiance, "backscatter": backscatter, "water_free": water_free,
+        "radiance": radiance, "direct": radiance - backscatter, "forward_scatter": np.zeros_like(radiance),
+        "backscatter": backscatter, "water_free": water_free,
         "transmission": transmission, "standard_error": 0.01 * radiance, "range": range_m,
         "z_depth": z_depth, "albedo": albedo,
         "normal": np.broadcast_to(np.array([0.0, -1.0, 0.0]), (*shape, 3)),

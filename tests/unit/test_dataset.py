@@ -67,7 +67,7 @@ def test_a_frame_there_and_back(sound, tmp_path):
     assert again.info == frame.info and np.array_equal(again.image, frame.image)
     assert all(np.array_equal(again.buffer(name), buffers[name]) for name in BUFFERS)
     assert {path.name for path in again.folder.iterdir()} == set(FILES)
-    with pytest.raises(ValueError, match="no buffer 'depth'; it has radiance, backscatter"):
+    with pytest.raises(ValueError, match="no buffer 'depth'; it has radiance, direct"):
         again.buffer("depth")
 
 

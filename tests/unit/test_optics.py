@@ -5,7 +5,7 @@ import pytest
 
 from uwsim.optics import lamp, phase, sources
 from uwsim.optics.spectrum import WAVELENGTHS_NM, band_mean, on_grid
-from uwsim.optics.water import named_water, water_type_names
+from uwsim.optics.water import named_water, water_type, water_type_names
 
 GREEN = int(np.flatnonzero(WAVELENGTHS_NM == 550)[0])
 
@@ -44,8 +44,11 @@ def test_tank_waters_have_the_attenuation_they_state(name, attenuation_per_m):
     assert named_water(name).attenuation[GREEN] == pytest.approx(attenuation_per_m, abs=1e-3)
 
 
-def test_every_water_attenuates_and_particles_add_to_the_water_itself():
-    for name in water_type_names():
+def test_every_water_with_particles_attenuates_and_particles_add_to_the_water_itself():
+    # measured waters have no particles of their own to multiply
+    names = [name for name in water_type_names() if water_type(name).particles is not None]
+    assert len(names) >= 4
+    for name in names:
         none, one, two = (named_water(name, particle_factor=factor) for factor in (0, 1, 2))
         assert np.all(one.absorption > 0) and np.all(one.scattering > 0)
         assert two.attenuation - one.attenuation == pytest.approx(one.attenuation - none.attenuation, rel=1e-9)

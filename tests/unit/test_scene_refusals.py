@@ -59,3 +59,21 @@ def test_gains_are_at_least_one_so_that_saturated_pixels_are_white():
 def test_a_mixture_needs_a_list_of_g():
     with pytest.raises(ValueError, match="a list"):
         Phase(type="hg_mixture", g=0.9, weights=(1.0,))
+
+
+def test_a_lamp_in_the_pinhole_is_refused():
+    """Light scattered between the two would be infinite."""
+    values = scenes.wall(distance_m=1.0).model_dump()
+    values["rig"]["lamps"] = [values["rig"]["lamps"][0] | {"position_m": (0.0, 0.0, 0.0)}]
+    with pytest.raises(ValueError, match="pinhole"):
+        Scene.model_validate(values)
+
+
+def test_rival_tables_of_a_water_can_be_chosen():
+    first, second = (
+        changed(water={"name": "jerlov_III", "source": source}).water.optical()
+        for source in ("williamson2022", "solonenko2015")
+    )
+    assert second.scattering[30] > 2 * first.scattering[30]
+    with pytest.raises(ValueError, match="source"):
+        changed(water={"name": "jerlov_III", "source": "nobody1900"})

@@ -64,6 +64,9 @@ def check_frame(frame: Frame) -> None:
     for name in ("transmission", "albedo"):
         if buffers[name].max() > 1.001:
             raise ValueError(f"{where}: {name} exceeds 1")
+    total = buffers["direct"] + buffers["forward_scatter"] + buffers["backscatter"]
+    if not np.allclose(total, buffers["radiance"], rtol=1e-5, atol=0):
+        raise ValueError(f"{where}: direct, forward_scatter and backscatter do not sum to radiance")
     _check_geometry(frame, buffers, seen)
 
 

@@ -19,6 +19,8 @@ FILES = ("image.png", "frame.exr", "frame.json")
 # name -> (channels, EXR sample type); FORMAT.md says what each holds
 BUFFERS = {
     "radiance": (3, "float"),
+    "direct": (3, "float"),
+    "forward_scatter": (3, "float"),
     "backscatter": (3, "float"),
     "water_free": (3, "float"),
     "transmission": (3, "float"),

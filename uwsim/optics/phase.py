@@ -41,6 +41,12 @@ class PhaseMixture:
         """Mean cosine of the scattering angle at every wavelength, (61,)."""
         return self.g @ self.weights
 
+    @property
+    def backscatter_fraction(self) -> np.ndarray:
+        """Share scattered beyond 90 deg at every wavelength, (61,), closed form of each term."""
+        root = np.sqrt(1 + self.g**2)
+        return (1 - (1 + self.g) / (root * (root + 1 - self.g))) @ self.weights
+
 
 def mix(parts: list[tuple[np.ndarray, PhaseMixture]]) -> PhaseMixture:
     """Return the phase function of several scatterers, [(scattering (61,) [1/m], phase function), ...].

@@ -41,6 +41,16 @@ def illuminant(name: str) -> np.ndarray:
 
 
 @functools.cache
+def luminous_efficiency() -> np.ndarray:
+    """Return the photopic luminous efficiency V(lambda) relative to its peak at 555 nm, (61,).
+
+    Source: CIE 1924 observer (CIE 15:2018) through colour-science.
+    """
+    curve = _look_up(_colour().SDS_LEFS, "CIE 1924 Photopic Standard Observer", what="luminous efficiency")
+    return on_grid(curve.wavelengths, curve.values, where="luminous efficiency")
+
+
+@functools.cache
 def camera_response(name: str) -> np.ndarray:
     """Return the relative energy response of the bands R, G, B, (61, 3), peak 1 over all bands.
 

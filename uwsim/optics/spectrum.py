@@ -1,15 +1,9 @@
-"""The wavelength grid of the project and tables on it."""
-
-import csv
-import functools
-from pathlib import Path
+"""The wavelength grid of the project and spectra on it."""
 
 import numpy as np
 
 WAVELENGTHS_NM = np.arange(400.0, 701.0, 5.0)
 """Working range, 400-700 nm on 5 nm. [nm]"""
-
-_DATA = Path(__file__).parent / "data"
 
 
 def on_grid(wavelengths_nm: np.ndarray, values: np.ndarray, *, where: str) -> np.ndarray:
@@ -33,17 +27,6 @@ def on_grid(wavelengths_nm: np.ndarray, values: np.ndarray, *, where: str) -> np
             f"{WAVELENGTHS_NM[0]:g}-{WAVELENGTHS_NM[-1]:g} nm (there is no extrapolation)"
         )
     return np.interp(WAVELENGTHS_NM, wavelengths_nm, values)
-
-
-@functools.cache
-def table(name: str, column: str) -> np.ndarray:
-    """Return one column of a table in `uwsim/optics/data`, on the grid, (61,), read-only."""
-    path = _DATA / f"{name}.csv"
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    rows = list(csv.DictReader(lines))
-    values = on_grid([float(r["wavelength_nm"]) for r in rows], [float(r[column]) for r in rows], where=path.name)
-    values.setflags(write=False)
-    return values
 
 
 def band_mean(spectrum: np.ndarray, weights: np.ndarray) -> np.ndarray:

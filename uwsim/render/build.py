@@ -11,16 +11,20 @@ from uwsim.optics.water import Water
 from uwsim.render.shapes import body_shapes, spectrum, tensor
 from uwsim.scene.models import Scene
 
-_LEAST_ATTENUATION_PER_M = 1e-6
+LEAST_ATTENUATION_PER_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Built:
-    """A loaded scene: `scene` (Mitsuba), `medium` of the camera (None in air), poses of the camera."""
+    """A loaded scene: `scene` (Mitsuba), poses of the camera, and the `water` around it with its Mitsuba `medium`.
+
+    `water` and `medium` are None where nothing absorbs or scatters.
+    """
 
     scene: Any
     medium: Any
     world_from_camera: np.ndarray
+    water: Water | None = None
 
 
 def exposure_poses(scene: Scene, *, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -42,31 +46,23 @@ def rig_poses(scene: Scene, times_s: np.ndarray) -> np.ndarray:
     )
 
 
-def build(
-    scene: Scene,
-    *,
-    water: Water | None,
-    rig_poses: np.ndarray,
-    integrator: str,
-    black_bodies: bool = False,
-    max_depth: int = -1,
-) -> Built:
+def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray) -> Built:
     """Load a scene into the active Mitsuba variant.
 
     water: what fills the world, None for none (absorption = scattering = 0).
-    rig_poses: world_from_rig (n, 4, 4) through the exposure. integrator: name of a Mitsuba integrator.
-    max_depth: longest path, in events from the lamp to the camera; 2 keeps single scattering, -1 everything.
-    black_bodies: every body absorbs all light; what still reaches the camera is the backscatter.
+    rig_poses: world_from_rig (n, 4, 4) through the exposure.
     """
     import mitsuba as mi
 
-    description = {"type": "scene", "integrator": integrator_description(integrator, max_depth=max_depth)}
+    medium = load_medium(mi, water)
+    description = {"type": "scene", "integrator": integrator_description("path" if medium is None else "volpathmis")}
     for index, lamp in enumerate(scene.rig.lamps):
         description[f"lamp{index}"] = _lamp(mi, lamp, rig_poses)
     return Built(
-        scene=mi.load_dict(description | _bodies(mi, scene, black=black_bodies), optimize=False),
-        medium=load_medium(mi, water),
+        scene=mi.load_dict(description | _bodies(mi, scene), optimize=False),
+        medium=medium,
         world_from_camera=rig_poses,
+        water=None if medium is None else water,
     )
 
 
@@ -74,14 +70,14 @@ def build_bodies(scene: Scene) -> Any:
     """Load the bodies alone, for casting rays; works in every variant."""
     import mitsuba as mi
 
-    return mi.load_dict({"type": "scene"} | _bodies(mi, scene, black=False), optimize=False)
+    return mi.load_dict({"type": "scene"} | _bodies(mi, scene), optimize=False)
 
 
-def _bodies(mi, scene: Scene, *, black: bool) -> dict:
+def _bodies(mi, scene: Scene) -> dict:
     return {
         f"body{index}_{part}": shape
         for index, body in enumerate(scene.bodies, start=1)
-        for part, shape in body_shapes(mi, body, black=black).items()
+        for part, shape in body_shapes(mi, body).items()
     }
 
 
@@ -96,7 +92,7 @@ def load_medium(mi, water: Water | None):
         return None
     low, high = float(WAVELENGTHS_NM[0]), float(WAVELENGTHS_NM[-1])
     # a ray whose wavelengths include one without any attenuation would lose its scattered light (0 x inf)
-    attenuation = np.maximum(water.attenuation, _LEAST_ATTENUATION_PER_M)
+    attenuation = np.maximum(water.attenuation, LEAST_ATTENUATION_PER_M)
     return mi.load_dict(
         {
             "type": "homogeneous",
@@ -113,9 +109,9 @@ def load_medium(mi, water: Water | None):
     )
 
 
-def integrator_description(name: str, *, max_depth: int = -1) -> dict:
-    """Return the Mitsuba description of an integrator; unlimited depth, ended by Russian roulette, has no bias."""
-    return {"type": name, "max_depth": max_depth, "rr_depth": 5}
+def integrator_description(name: str) -> dict:
+    """Return the Mitsuba description of an integrator: unlimited depth, ended by Russian roulette, no bias."""
+    return {"type": name, "max_depth": -1, "rr_depth": 5}
 
 
 def _lamp(mi, lamp, poses: np.ndarray) -> dict:

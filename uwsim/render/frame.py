@@ -12,7 +12,6 @@ from uwsim.render.build import build, exposure_poses, rig_poses
 from uwsim.render.transport import View, view_of
 from uwsim.scene.models import Scene
 
-IN_WATER, IN_AIR = "volpathmis", "path"
 _NOWHERE_M = 1.0  # distance taken for pixels that see no body
 _STEPS_PER_PIXEL = 4  # steps of the exposure per pixel of the longest streak
 _SAMPLES_TRANSMISSION = 64
@@ -40,7 +39,7 @@ def render_frame(
     """
     transport.check_samples(samples_per_pixel, batches)
     view, water = view_of(scene), scene.water.optical()
-    selfcheck.check_medium(view, water, integrator=IN_WATER, seed=seeds.integer(seed, frame, "self-check"))
+    selfcheck.check_medium(scene, seed=seeds.integer(seed, frame, "self-check"))
     middle = rig_poses(scene, np.zeros(1))
     buffers = geometry.geometry(scene, view, world_from_camera=middle[0])
     steps, blur, moving = 1, None, moves(scene)
@@ -53,23 +52,20 @@ def render_frame(
         buffers |= {"flow_start": flow_start, "flow_end": flow_end}
     times_s, poses = exposure_poses(scene, steps=steps)
 
-    def light(name, *, water, poses, integrator, black=False):
-        built = build(scene, water=water, rig_poses=poses, integrator=integrator, black_bodies=black)
-        if water is not None and built.medium is None and np.any(water.attenuation > 0):
-            raise ValueError(f"{scene.name}: the camera lost its water while the scene was built; the image is refused")
+    def light(name, *, water, poses):
+        built = build(scene, water=water, rig_poses=poses)
         report = None if progress is None else (lambda done, total: progress(name, done, total))
-        return transport.radiance(
+        return transport.layers(
             built, view, samples_per_pixel=samples_per_pixel, batches=batches,
             seed=seeds.integer(seed, frame, name), progress=report,
         )  # fmt: skip
 
-    buffers["radiance"], buffers["standard_error"] = light("radiance", water=water, poses=poses, integrator=IN_WATER)
-    buffers["backscatter"], _ = light("backscatter", water=water, poses=poses, integrator=IN_WATER, black=True)
-    buffers["water_free"], _ = light("water_free", water=None, poses=poses, integrator=IN_AIR)
+    buffers |= light("radiance", water=water, poses=poses)
+    buffers["water_free"] = light("water_free", water=None, poses=poses)["radiance"]
     if moving:
-        buffers["sharp"], _ = light("sharp", water=water, poses=middle, integrator=IN_WATER)
+        buffers["sharp"] = light("sharp", water=water, poses=middle)["radiance"]
     buffers["transmission"] = transport.transmission(
-        build(scene, water=None, rig_poses=poses, integrator=IN_AIR), view, attenuation=water.attenuation,
+        build(scene, water=None, rig_poses=poses), view, attenuation=water.attenuation,
         samples_per_pixel=_SAMPLES_TRANSMISSION, seed=seeds.integer(seed, frame, "transmission"),
     )  # fmt: skip
     return Rendered(buffers=buffers, times_s=times_s, world_from_camera=poses, blur=blur)

@@ -28,35 +28,35 @@ def tensor(mi, values: np.ndarray):
     return mi.TensorXf(values.reshape(1, len(values), -1))
 
 
-def body_shapes(mi, body, *, black: bool) -> dict[str, object]:
-    """Return the Mitsuba shapes of one body by the name of its part; `black` bodies absorb all light."""
+def body_shapes(mi, body) -> dict[str, object]:
+    """Return the Mitsuba shapes of one body by the name of its part."""
     matrix = body.world_from_body
     match body:
         case kinds.Rectangle():
-            return {"face": _rectangle(mi, matrix, body.width_m, body.height_m, _diffuse(body.spectrum, black))}
+            return {"face": _rectangle(mi, matrix, body.width_m, body.height_m, _diffuse(body.spectrum))}
         case kinds.MarkerBoard():
-            return _marker_board(mi, body, black)
+            return _marker_board(mi, body)
         case kinds.Chart():
-            bsdf = _two_tones(mi, body.coverage, body.spectra, black, smooth=body.smooth)
+            bsdf = _two_tones(mi, body.coverage, body.spectra, smooth=body.smooth)
             return {"face": _rectangle(mi, matrix, body.width_m, body.height_m, bsdf)}
         case kinds.ColorChecker():
-            return _colorchecker(mi, body, black)
+            return _colorchecker(mi, body)
         case kinds.Heightfield():
-            return {"face": _relief(mi, body, _both_sides(_diffuse(body.spectrum, black)))}
+            return {"face": _relief(mi, body, _both_sides(_diffuse(body.spectrum)))}
         case kinds.Mesh():
-            return {"face": _mesh(mi, body, _both_sides(_diffuse(body.spectrum, black)))}
+            return {"face": _mesh(mi, body, _both_sides(_diffuse(body.spectrum)))}
     raise TypeError(f"no shape for a body of type {type(body).__name__}")
 
 
-def _diffuse(reflectance: np.ndarray, black: bool) -> dict:
-    return {"type": "diffuse", "reflectance": spectrum(np.zeros_like(reflectance) if black else reflectance)}
+def _diffuse(reflectance: np.ndarray) -> dict:
+    return {"type": "diffuse", "reflectance": spectrum(reflectance)}
 
 
 def _both_sides(bsdf: dict) -> dict:
     return {"type": "twosided", "bsdf": bsdf}
 
 
-def _two_tones(mi, coverage: np.ndarray, tones, black: bool, *, smooth: bool) -> dict:
+def _two_tones(mi, coverage: np.ndarray, tones, *, smooth: bool) -> dict:
     """Return a BSDF that mixes the dark and the bright tone by `coverage` (rows, columns), row 0 on top."""
     dark, bright = tones
     weight = {
@@ -67,7 +67,7 @@ def _two_tones(mi, coverage: np.ndarray, tones, black: bool, *, smooth: bool) ->
         "filter_type": "bilinear" if smooth else "nearest",
         "wrap_mode": "clamp",
     }
-    return {"type": "blendbsdf", "weight": weight, "first": _diffuse(dark, black), "second": _diffuse(bright, black)}
+    return {"type": "blendbsdf", "weight": weight, "first": _diffuse(dark), "second": _diffuse(bright)}
 
 
 def _rectangle(mi, matrix: np.ndarray, width_m: float, height_m: float, bsdf: dict) -> dict:
@@ -81,25 +81,25 @@ def _at(matrix: np.ndarray, x_m: float, y_m: float, z_m: float) -> np.ndarray:
     return matrix @ offset
 
 
-def _marker_board(mi, body: kinds.MarkerBoard, black: bool) -> dict:
+def _marker_board(mi, body: kinds.MarkerBoard) -> dict:
     """Return markers in the body's plane, one texel per module, on a bright board just behind them."""
     matrix, size = body.world_from_body, body.marker_size_m
-    board = _rectangle(mi, _at(matrix, 0, 0, -_RELIEF_M), body.width_m, body.height_m, _diffuse(body.spectra[1], black))
+    board = _rectangle(mi, _at(matrix, 0, 0, -_RELIEF_M), body.width_m, body.height_m, _diffuse(body.spectra[1]))
     shapes = {"board": board}
     for marker_id, corners in zip(body.ids, body.corners_m, strict=True):
         modules = markers.modules(body.dictionary, marker_id)
-        bsdf = _two_tones(mi, modules, body.spectra, black, smooth=False)
+        bsdf = _two_tones(mi, modules, body.spectra, smooth=False)
         shapes[f"marker{marker_id}"] = _rectangle(mi, _at(matrix, *corners.mean(axis=0)), size, size, bsdf)
     return shapes
 
 
-def _colorchecker(mi, body: kinds.ColorChecker, black: bool) -> dict:
+def _colorchecker(mi, body: kinds.ColorChecker) -> dict:
     matrix, side = body.world_from_body, body.pitch_m * (1 - body.gap_share)
     frame = np.full(len(WAVELENGTHS_NM), body.frame_reflectance)
-    shapes = {"frame": _rectangle(mi, matrix, body.width_m, body.height_m, _diffuse(frame, black))}
+    shapes = {"frame": _rectangle(mi, matrix, body.width_m, body.height_m, _diffuse(frame))}
     for index, (_, (x, y), reflectance) in enumerate(body.patches):
         place = _at(matrix, x, y, _RELIEF_M)
-        shapes[f"patch{index}"] = _rectangle(mi, place, side, side, _diffuse(reflectance, black))
+        shapes[f"patch{index}"] = _rectangle(mi, place, side, side, _diffuse(reflectance))
     return shapes
 
 
@@ -134,7 +134,7 @@ def check_files(scene) -> None:
 
     for body in scene.bodies:
         if isinstance(body, kinds.Mesh):
-            body_shapes(mi, body, black=True)
+            body_shapes(mi, body)
 
 
 def _relief(mi, body: kinds.Heightfield, bsdf: dict):

@@ -49,27 +49,63 @@ def view_of(scene) -> View:
     return View(camera.width_px, camera.height_px, camera.K, response, importance)
 
 
-def radiance(
+def layers(
     built: Built, view: View, *, samples_per_pixel: int, batches: int, seed: int, progress: Progress | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return band radiance (H, W, 3) and its standard error (H, W, 3). [W m^-2 sr^-1 nm^-1]
+) -> dict[str, np.ndarray]:
+    """Return `direct`, `forward_scatter`, `backscatter`, their sum `radiance` and its `standard_error`.
 
-    The standard error comes from `batches` independent batches with own seeds. Raises ValueError unless
-    `samples_per_pixel` is a multiple of `batches` and there are at least 2 batches.
+    Each (H, W, 3) [W m^-2 sr^-1 nm^-1], float32; without water all light is direct. The standard error comes from
+    `batches` independent batches with own seeds. Raises ValueError unless `samples_per_pixel` is a multiple of
+    `batches` and there are at least 2 batches.
     """
-    check_samples(samples_per_pixel, batches)
+    estimate = _reference(built) if built.medium is None else _lamp_walk(built)
+    means, errors = _estimated(built, view, estimate, samples_per_pixel, batches, seed, progress)
+    parts = [mean.astype(np.float32) for mean in means[1:]] or [means[0].astype(np.float32)]
+    parts += [np.zeros_like(parts[0])] * (3 - len(parts))
+    direct, forward_scatter, backscatter = parts
+    return {
+        "direct": direct,
+        "forward_scatter": forward_scatter,
+        "backscatter": backscatter,
+        "radiance": direct + forward_scatter + backscatter,
+        "standard_error": errors[0].astype(np.float32),
+    }
+
+
+def reference_radiance(
+    built: Built, view: View, *, samples_per_pixel: int, batches: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return radiance (H, W, 3) and its standard error by Mitsuba's own integrator: slower to converge, independent."""
+    means, errors = _estimated(built, view, _reference(built), samples_per_pixel, batches, seed, None)
+    return means[0].astype(np.float32), errors[0].astype(np.float32)
+
+
+def _reference(built: Built):
     integrator = built.scene.integrator()
+    return lambda rays, sampler: [integrator.sample(built.scene, sampler, rays, built.medium, True)[0]]
+
+
+def _lamp_walk(built: Built):
+    from uwsim.render.integrator import LampWalk
+
+    walk = LampWalk(built)
 
     def estimate(rays, sampler):
-        value, _, _ = integrator.sample(built.scene, sampler, rays, built.medium, True)
-        return [value]
+        direct, forward_scatter, backscatter = walk(rays, sampler)
+        return [direct + forward_scatter + backscatter, direct, forward_scatter, backscatter]
 
-    (total,), (square,) = _accumulate(
+    return estimate
+
+
+def _estimated(built, view, estimate, samples_per_pixel, batches, seed, progress):
+    """Return means and standard errors over batches of every quantity that `estimate` gives."""
+    check_samples(samples_per_pixel, batches)
+    sums, squares = _accumulate(
         built, view, estimate, samples_per_pixel=samples_per_pixel, batches=batches, seed=seed, progress=progress
     )
-    mean = total / batches
-    variance = np.maximum(square / batches - mean**2, 0.0) / (batches - 1)
-    return mean.astype(np.float32), np.sqrt(variance).astype(np.float32)
+    means = [total / batches for total in sums]
+    variances = [np.maximum(s / batches - m**2, 0) / (batches - 1) for s, m in zip(squares, means, strict=True)]
+    return means, [np.sqrt(variance) for variance in variances]
 
 
 def check_samples(samples_per_pixel: int, batches: int) -> None:

@@ -53,10 +53,11 @@ def _spectral_hg(g: np.ndarray) -> phases.PhaseMixture:
 
 
 class NamedWater(Strict):
-    """A water type by name; `particle_factor` multiplies its particles (continuous turbidity)."""
+    """A water type by name; `particle_factor` multiplies its particles, `source` chooses among rival Jerlov tables."""
 
     name: str
     particle_factor: NonNegative = 1.0
+    source: str | None = None
 
     @model_validator(mode="after")
     def _known(self):
@@ -64,7 +65,7 @@ class NamedWater(Strict):
         return self
 
     def optical(self) -> Water:
-        return named_water(self.name, particle_factor=self.particle_factor)
+        return named_water(self.name, particle_factor=self.particle_factor, source=self.source)
 
 
 class TabulatedWater(Strict):
@@ -179,6 +180,9 @@ class Motion(Strict):
     rotation_deg_per_s: Vector3 = (0.0, 0.0, 0.0)
 
 
+LEAST_LAMP_DISTANCE_M = 1e-3
+
+
 class Rig(Strict):
     """Camera and lamps mounted together and moved as one."""
 
@@ -194,6 +198,13 @@ class Rig(Strict):
         if self.position_m[2] >= 0:
             raise ValueError(f"position_m has z = {self.position_m[2]:g} m, allowed: below the water surface (z < 0)")
         _ = self.world_from_rig
+        for lamp in self.lamps:
+            apart_m = float(np.linalg.norm(lamp.position_m))
+            if apart_m < LEAST_LAMP_DISTANCE_M:
+                raise ValueError(
+                    f"lamp {lamp.name} is {apart_m:g} m from the camera's pinhole, allowed: at least "
+                    f"{LEAST_LAMP_DISTANCE_M:g} m (the light scattered in between is infinite)"
+                )
         names = [lamp.name for lamp in self.lamps]
         if len(set(names)) != len(names):
             raise ValueError(f"lamp names {names} are not unique")

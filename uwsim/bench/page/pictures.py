@@ -67,6 +67,13 @@ def instance_colours(count: int) -> np.ndarray:
     return np.rint(255 * np.array(colours).reshape(-1, 3)).astype(np.uint8)
 
 
+LAYERS = (
+    ("direct", "Direct", "light that came straight from a body; same camera and exposure for the three layers"),
+    ("forward_scatter", "Forward scatter", "light of the bodies, scattered on its way"),
+    ("backscatter", "Backscatter", "light that met no body"),
+)
+
+
 def layer_figures(frame: Frame) -> list[str]:
     """Return the truth of a frame as small multiples with captions and units."""
     range_m, z_depth_m = frame.buffer("range"), frame.buffer("z_depth")
@@ -80,9 +87,9 @@ def layer_figures(frame: Frame) -> list[str]:
             range_m, "Range", "along the ray; grey: no body seen", unit="m", ends=ends, alt="Map of the range"
         ),
         map_figure(z_depth_m, "Depth", "along the optical axis", unit="m", ends=ends, alt="Map of the depth"),
-        figure(
-            picture(through_camera(frame, "backscatter"), "The backscatter alone"), "Backscatter",
-            "light that met no body; same camera and exposure",
+        *(
+            figure(picture(through_camera(frame, layer), f"The layer {title} alone"), title, words)
+            for layer, title, words in LAYERS
         ),
         map_figure(
             transmission, "Transmission",

@@ -1,0 +1,69 @@
+"""Tabulated densities over an angle, to draw from and to divide by: where light scattered near a lamp comes from."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from uwsim.optics.phase import PhaseMixture
+
+_BINS = 1024
+_SMALLEST_RAD = 1e-5
+
+
+class AngleTable:
+    """A piecewise constant density over angles in [0, pi], bins narrow towards 0.
+
+    Held as the mass beyond an angle, which keeps its digits at large angles, where little is left.
+    """
+
+    def __init__(self, edges: np.ndarray, mass: np.ndarray):
+        mass = mass / mass.sum()
+        beyond = np.concatenate([np.cumsum(mass[::-1])[::-1], [0.0]])
+        self.bins = len(mass)
+        self.log_first = float(np.log(edges[1]))
+        self.log_step = float((np.log(edges[-1]) - self.log_first) / (self.bins - 1))
+        self.edges = mi.Float(edges.astype(np.float32))
+        self.beyond = mi.Float(beyond.astype(np.float32))
+        self.heights = mi.Float((mass / np.diff(edges)).astype(np.float32))
+
+    def _bin(self, angle):
+        index = dr.floor((dr.log(dr.maximum(angle, 1e-12)) - self.log_first) / self.log_step)
+        return mi.UInt32(dr.clip(mi.Int32(index) + 1, 0, self.bins - 1))
+
+    def density(self, angle):
+        """Density at an angle. [1/rad]"""
+        return dr.gather(mi.Float, self.heights, self._bin(angle))
+
+    def mass_beyond(self, angle):
+        """Probability of a larger angle."""
+        index = self._bin(angle)
+        past = angle - dr.gather(mi.Float, self.edges, index)
+        return dr.gather(mi.Float, self.beyond, index) - past * dr.gather(mi.Float, self.heights, index)
+
+    def angle_with_mass_beyond(self, mass):
+        """The angle that leaves `mass` beyond it."""
+        index = dr.binary_search(0, self.bins - 1, lambda i: dr.gather(mi.Float, self.beyond, i + 1) > mass)
+        below = dr.gather(mi.Float, self.beyond, index) - mass
+        return dr.gather(mi.Float, self.edges, index) + below / dr.gather(mi.Float, self.heights, index)
+
+
+def scattering_tables(phase: PhaseMixture) -> tuple[AngleTable, AngleTable]:
+    """Return densities of the scattering angle along a ray past a lamp, and of the angle between lamp and ray.
+
+    Along a ray that makes the angle alpha with the direction to a small lamp, light scattered once arrives with
+    scattering angles psi from alpha on, in proportion to the phase function p(psi): the 1/d^2 of the lamp cancels
+    against d(distance)/d(psi). The radiance scattered once is then in proportion to the integral of p beyond alpha,
+    divided by sin alpha; the second density is that radiance over solid angle. Phase functions are averaged over
+    the wavelengths here: densities to draw from need not be exact.
+    """
+    edges = np.concatenate([[0.0], np.geomspace(_SMALLEST_RAD, np.pi, _BINS)])
+    inside = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(8) + 0.5) / 8
+    # 1 - cos = 2 sin^2(angle / 2) keeps its digits near 0
+    terms = [
+        weight * (1 - g * g) / ((1 - g) ** 2 + 4 * g * np.sin(inside / 2) ** 2) ** 1.5
+        for g, weight in zip(phase.g, phase.weights.mean(axis=1), strict=True)
+    ]
+    along = sum(terms).mean(axis=1) * np.diff(edges)
+    beyond = np.cumsum(along[::-1])[::-1]
+    around = (beyond - 0.5 * along) * np.diff(edges)
+    return AngleTable(edges, along), AngleTable(edges, around)
