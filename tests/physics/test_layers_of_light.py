@@ -162,3 +162,48 @@ def test_blur_label_has_the_stated_angle_convention():
     assert label["length_px"] == pytest.approx(np.hypot(3, 3))
     assert label["uniform"]
     assert summarise_blur(displacement, np.zeros((4, 5), bool)) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lamps_m", [[(0.8, 0.0, 0.0)], [(0.8, 0.0, 0.0), (-0.5, 0.4, 0.1)]])
+def test_coloured_water_and_several_lamps_agree_with_the_reference(lamps_m):
+    """Setup: absorption rising and scattering falling over the wavelengths, one or two lamps. Expected: all bands of
+    the total equal Mitsuba's `volpathmis`. Tolerance and negative control as above."""
+    base = scenes.spectral_water(low_per_m=0.05, high_per_m=0.6)
+    scattering = np.linspace(0.9, 0.2, len(base.absorption))
+    water = type(base)("ramps", base.absorption, scattering, scenes.water(absorption_per_m=0, g=0.3).phase)
+    values = scenes.wall(distance_m=1.0, lamp_m=lamps_m[0]).model_dump()
+    lamp = values["rig"]["lamps"][0]
+    values["rig"]["lamps"] = [
+        lamp | {"name": f"lamp{k}", "position_m": place, "look_at_m": (0.0, 0.0, 1.0)}
+        for k, place in enumerate(lamps_m)
+    ]
+    scene = scenes.Scene.model_validate(values)
+    reference = scenes.replicates(scene, water=water, samples=16384, reference=True)
+    found = scenes.replicates(scene, water=water, samples=4096)
+    assert_same_mean(found, reference)
+    with pytest.raises(AssertionError, match="biased"):
+        assert_same_mean(1.1 * found, reference)
+
+
+def test_a_rig_in_motion_is_the_mean_of_still_ones_in_water_too():
+    """Setup: rig moving 10 cm sideways in scattering water before a wall. Expected: every layer equals the mean
+    over still rigs at the mid-points. Tolerance: Monte Carlo, 3 %. Negative control: the rig at rest at the start."""
+    scene, water = scenes.wall(distance_m=1.0, lamp_m=(0.4, 0.0, 0.0)), scenes.water(**SCATTERING, g=0.3)
+    bodies = [scene.bodies[0].model_copy(update={"width_m": 0.1})]  # an edge for the motion to matter
+    scene = scene.model_copy(update={"bodies": tuple(bodies)})
+    view = transport.view_of(scene)
+
+    def image(offsets_m, samples, seed):
+        poses = pose.through_exposure(
+            scene.rig.world_from_rig, velocity_m_per_s=(1, 0, 0), rotation_deg_per_s=(0, 0, 0), times_s=offsets_m
+        )
+        built = build(scene, water=water, rig_poses=poses)
+        found = transport.layers(built, view, samples_per_pixel=samples, batches=2, seed=seed)
+        return np.array([found[name].mean() for name in ("direct", "forward_scatter", "backscatter")])
+
+    middles = (np.arange(8) + 0.5) / 8 * 0.1
+    moving = np.mean([image(middles, 4096, seed) for seed in range(4)], axis=0)
+    still = np.mean([image(np.array([m]), 2048, 10 + k) for k, m in enumerate(middles)], axis=0)
+    np.testing.assert_allclose(moving, still, rtol=0.03)
+    assert not np.allclose(moving[0], image(np.array([0.0]), 2048, 30)[0], rtol=0.1)
