@@ -36,7 +36,8 @@ def write(folder: Path) -> None:
 _INTRODUCTION = """# Optics
 
 Made by `uwsim optics --out results/optics`. Sources of all tables stand in the headers of `uwsim/optics/data` and in
-the water types. `tests/physics` checks what is shown here, each test with a negative control."""
+the water types. `tests/physics` checks what is shown here against closed forms, published tables and
+independent evaluations."""
 
 
 def _examples():

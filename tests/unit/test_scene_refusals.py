@@ -77,3 +77,22 @@ def test_rival_tables_of_a_water_can_be_chosen():
     assert second.scattering[30] > 2 * first.scattering[30]
     with pytest.raises(ValueError, match="source"):
         changed(water={"name": "jerlov_III", "source": "nobody1900"})
+
+
+def test_turbidity_by_the_mass_of_minerals():
+    clear, turbid = (changed(water={"minerals_g_per_m3": mass}).water.optical() for mass in (0.0, 1.8))
+    assert turbid.attenuation[30] == pytest.approx(1.0, rel=0.02)  # that of tank_low, at 550 nm
+    assert clear.attenuation[30] < 0.07
+    with pytest.raises(ValueError, match="minerals_g_per_m3"):
+        changed(water={"minerals_g_per_m3": -1.0})
+
+
+def test_a_beam_narrower_than_its_table_holds_is_refused():
+    from uwsim.optics import lamp
+
+    profile = lamp.profile_from_half_angle(half_angle_deg=1.0)
+    order = lamp.lambertian_order(half_angle_deg=1.0)
+    exact = (order + 1) / (2 * 3.141592653589793)
+    assert lamp.intensity_from_flux(radiant_flux_w=1.0, profile=profile) == pytest.approx(exact, rel=2e-3)
+    with pytest.raises(ValueError, match="at least 1"):
+        lamp.lambertian_order(half_angle_deg=0.3)

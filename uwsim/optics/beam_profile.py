@@ -52,7 +52,7 @@ def from_ies(path: Path) -> Profile:
 
 
 def tabulated(profile: Profile) -> np.ndarray:
-    """Return the mean of a profile over the azimuth on `lamp.PROFILE_ANGLES_DEG`, (1801,), as the renderer reads it."""
+    """Return the mean of a profile over the azimuth on `lamp.PROFILE_ANGLES_DEG`, (1801,)."""
     angles = np.radians(lamp.PROFILE_ANGLES_DEG)
     azimuths = np.radians(np.arange(0.5, 360.0))
     return profile(angles[:, None], azimuths[None]).mean(axis=1)

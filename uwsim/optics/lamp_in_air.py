@@ -30,12 +30,13 @@ def plane_irradiance(
     distance along the axis, not along the ray.
     """
     distance = _distance("axial_distance_m", axial_distance_m)
-    return np.asarray(intensity_w_per_sr) * np.cos(_forward(angle_rad)) ** 3 / distance**2
+    intensity = require("lamp field: intensity_w_per_sr", intensity_w_per_sr, least=0)
+    return intensity * np.cos(_forward(angle_rad)) ** 3 / distance**2
 
 
 def ray_irradiance(*, intensity_w_per_sr: np.ndarray, range_m: np.ndarray) -> np.ndarray:
     """Return the irradiance on a surface normal to the ray at a range along it, I / r^2. [W/m^2]"""
-    return np.asarray(intensity_w_per_sr) / _distance("range_m", range_m) ** 2
+    return require("lamp field: intensity_w_per_sr", intensity_w_per_sr, least=0) / _distance("range_m", range_m) ** 2
 
 
 def axis_irradiance(*, axis_intensity_w_per_sr: float, axial_distance_m: np.ndarray) -> np.ndarray:

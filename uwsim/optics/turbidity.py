@@ -22,6 +22,7 @@ def turbid_water(
     Source: b* = 0.5 m2/g, Babin et al. 2003 (see `mineral_scattering_babin2003`: within a factor of 2).
     """
     require("turbid water: albedo_550", albedo_550, above=0, most=1)
+    require("turbid water: absorption_slope_per_nm", absorption_slope_per_nm, least=0, most=0.05)
     b_550 = mineral_scattering_babin2003(
         np.asarray(550.0), concentration_g_per_m3=minerals_g_per_m3,
         mass_specific_m2_per_g=mass_specific_m2_per_g, exponent=scattering_exponent,

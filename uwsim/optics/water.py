@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.optics import jerlov, phase, pure_water, tables
+from uwsim.optics.checks import require
 from uwsim.optics.phase import PhaseMixture
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.validation import validated
@@ -84,6 +85,9 @@ def from_constituents(
     Source: pure water as stated in uwsim/optics/data; shape of the particle terms as in Babin et al. 2003,
     J. Geophys. Res. 108:3211 (S about 0.011 /nm) and dissertation eq. 2.4.
     """
+    require(f"water {name}: particle_attenuation_550_per_m", particle_attenuation_550_per_m, least=0)
+    require(f"water {name}: particle_albedo_550", particle_albedo_550, least=0, most=1)
+    require(f"water {name}: absorption_slope_per_nm", absorption_slope_per_nm, least=0, most=0.05)
     wavelength = WAVELENGTHS_NM
     b_550 = particle_attenuation_550_per_m * particle_albedo_550
     a_550 = particle_attenuation_550_per_m - b_550

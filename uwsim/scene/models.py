@@ -13,6 +13,7 @@ from uwsim.optics import lamp as lamps
 from uwsim.optics import phase as phases
 from uwsim.optics import sources
 from uwsim.optics.spectrum import WAVELENGTHS_NM, on_grid
+from uwsim.optics.turbidity import turbid_water
 from uwsim.optics.water import Water, named_water
 from uwsim.scene.base import NonNegative, Positive, Strict, Table, Vector3
 from uwsim.scene.bodies import Body, MarkerBoard
@@ -66,6 +67,15 @@ class NamedWater(Strict):
 
     def optical(self) -> Water:
         return named_water(self.name, particle_factor=self.particle_factor, source=self.source)
+
+
+class TurbidWater(Strict):
+    """Fresh water with suspended minerals by mass."""
+
+    minerals_g_per_m3: NonNegative
+
+    def optical(self) -> Water:
+        return turbid_water(minerals_g_per_m3=self.minerals_g_per_m3)
 
 
 class TabulatedWater(Strict):
@@ -129,7 +139,7 @@ class Lamp(Strict):
     look_at_m: Vector3
     radiant_flux_w: Positive | None = None
     radiant_intensity_w_per_sr: Positive | None = None
-    half_angle_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    half_angle_deg: Annotated[float, Field(ge=1, lt=90)] | None = None
     beam: Beam | None = None
     spectrum: str | Table = "LED-B3"
 
@@ -238,7 +248,7 @@ class Scene(Strict):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
     description: str
-    water: NamedWater | TabulatedWater
+    water: NamedWater | TurbidWater | TabulatedWater
     rig: Rig
     bodies: Annotated[tuple[Body, ...], Field(min_length=1)]
     exposure: Exposure
