@@ -71,6 +71,26 @@ def test_lamp_at_the_camera():
     assert clear == 0
 
 
+@pytest.mark.parametrize("ahead_m", [0.4, -0.3])
+def test_a_lamp_ahead_of_or_behind_the_camera(ahead_m):
+    """Expected: adaptive quadrature along the ray, the scattering angle from lamp, point and camera. Tolerance: 1e-9
+    (quadrature). Negative control: the lamp beside the camera, or as far on the other side."""
+    lamp, path = np.array([0.2, ahead_m]), 1.5
+
+    def scattered(s):
+        to_point = np.array([0.0, s]) - lamp
+        r = math.hypot(*to_point)
+        return 0.3 * henyey_greenstein(-to_point[1] / r, g=0.75) * math.exp(-0.5 * (s + r)) / r**2
+
+    truth, _ = integrate.quad(scattered, 0, path, epsrel=1e-12, limit=200)
+    named = {"lamp_offset_m": 0.2, "path_m": path, "scattering_per_m": 0.3, "attenuation_per_m": 0.5}
+    found, *wrong = (
+        airlight.airlight(**named, phase=PHASES["L_HG0.75"], lamp_ahead_m=z) for z in (ahead_m, 0.0, -ahead_m)
+    )
+    assert found == pytest.approx(truth, rel=1e-9)
+    assert all(abs(value / truth - 1) > 0.1 for value in wrong)
+
+
 def test_saturation_is_set_by_the_lamps_offset():
     """Expected: L(d)/L(inf) = 0.65, 0.89, 0.97 at 0.2, 0.5, 1 m for h = 0.2 m, c = 0.5 /m and Fournier-Forand.
     Tolerance: printed digits. Negative control: 1 - exp(-c d) of eq. 2.65 is 0.10, 0.22, 0.39."""

@@ -177,6 +177,20 @@ def test_the_transmittance_of_a_dome():
     assert slab.min() < 0.95 * normal  # negative control: not that of normal incidence
 
 
+def test_tinted_glass_dims_along_the_chord():
+    """Setup: pinhole 45 mm beside the centre, glass and water of one index, so nothing is reflected behind the glass.
+    Expected: exp(-alpha chord), the ray passing the centre at 45 mm / 1.49. Tolerance: round-off. Negative control: the
+    thickness for the chord."""
+    like = DOME | {"n_water": 1.49, "decentring_m": (0, 0.045, 0.0)}
+    clear, tinted = (
+        DomePort(**like, glass_absorption_per_m=alpha).transmittance(np.array([0.0, 0.0, 1.0])) for alpha in (0.0, 20.0)
+    )
+    passes_at = 0.045 / 1.49
+    chord = np.sqrt(0.056**2 - passes_at**2) - np.sqrt(0.05**2 - passes_at**2)
+    assert tinted / clear == pytest.approx(np.exp(-20 * chord), rel=1e-12)
+    assert tinted / clear < 0.98 * np.exp(-20 * 0.006)
+
+
 def test_a_dome_without_thickness_has_its_face_at_the_inner_radius():
     port = DomePort(**DOME | {"thickness_m": 0.0}, decentring_m=(0.01, 0, 0.02))
     origins, directions = ports.rays(field_px(), port=port, K=K)

@@ -83,6 +83,31 @@ def test_glass_absorbs_along_the_refracted_ray():
     assert np.all(lossy.transmittance + lossy.reflectance < 0.9)
 
 
+@pytest.mark.parametrize("name", ["s", "p"])
+def test_an_absorbing_slab_is_the_sum_of_its_bounces(name):
+    """Expected: light followed through 60 reflections, each crossing of the glass costing A = exp(-alpha t / cos).
+    Tolerance: round-off. Negative control: A once per round trip."""
+    angle = math.radians(75)
+    inside = math.asin(math.sin(angle) / 1.5)
+    first = float(getattr(fresnel.interface_reflectance(angle, n_from=1.0, n_to=1.5), name))
+    second = float(getattr(fresnel.interface_reflectance(inside, n_from=1.5, n_to=1.2), name))
+
+    def followed(back):
+        out, returned, going = 0.0, first, (1 - first) * crossing
+        for _ in range(60):
+            out += going * (1 - second)
+            arriving = going * second * back
+            returned += arriving * (1 - first)
+            going = arriving * first * crossing
+        return out, returned
+
+    crossing = math.exp(-20.0 * 0.01 / math.cos(inside))
+    found = fresnel.slab(angle, n_in=1.0, n_slab=1.5, n_out=1.2, absorption_per_m=20.0, thickness_m=0.01)
+    pair = [getattr(found.transmittance_by_polarisation, name), getattr(found.reflectance_by_polarisation, name)]
+    np.testing.assert_allclose(pair, followed(crossing), rtol=1e-12)
+    assert not np.any(np.isclose(pair, followed(1.0), rtol=1e-6))
+
+
 def test_polarisations_at_special_angles():
     """Expected: Brewster's angle passes all p; equal reflectances at 0 deg, the share of eqs. 2.16-2.17."""
     brewster = math.atan(1.5)

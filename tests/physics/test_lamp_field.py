@@ -158,6 +158,32 @@ def test_water_attenuates_along_the_ray():
     assert spectral.shape == (3, 2)
 
 
+def test_virtual_source_attenuates_along_the_ray():
+    """Expected: exp(-c hypot(z, z rho / (z + d_w))), d_w = 1.34 (10 mm + 5 mm / 1.5168). Tolerance: round-off. Negative
+    control: the depth for the path."""
+    radius = np.array([0.0, 0.5, 1.5])
+    named = {"lateral_m": np.stack([radius, 0 * radius], axis=-1), "depth_m": 2.0}
+    clear, dim = (
+        window_field.virtual_source_field(BEAM, WINDOW, **named, attenuation_per_m=c).irradiance_w_per_m2
+        for c in (0.0, 0.7)
+    )
+    path = np.hypot(2.0, 2.0 * radius / (2.0 + 1.34 * (0.01 + 0.005 / 1.5168)))
+    np.testing.assert_allclose(dim / clear, np.exp(-0.7 * path), rtol=1e-12)
+    assert not np.allclose(dim / clear, np.exp(-1.4), rtol=0.05)
+
+
+def test_windows_of_tinted_glass():
+    """Expected: (1 - R1)(1 - R2) A / (1 - R1 R2 A^2) at normal incidence, A = exp(-alpha t), flat and dome.
+    Tolerance: round-off. Negative control: clear glass."""
+    first, second, inner = (0.5168 / 2.5168) ** 2, (0.1768 / 2.8568) ** 2, math.exp(-20.0 * 0.005)
+    truth = (1 - first) * (1 - second) * inner / (1 - first * second * inner**2)
+    glass = {"thickness_m": 0.005, "n_glass": 1.5168, "n_water": 1.34}
+    for alpha, same in ((20.0, True), (0.0, False)):
+        flat = FlatWindow(air_gap_m=0.01, **glass, glass_absorption_per_m=alpha).transmittance(0.0)
+        dome = DomeWindow(inner_radius_m=0.04, **glass, glass_absorption_per_m=alpha).transmittance
+        assert [math.isclose(found, truth, rel_tol=1e-12) for found in (flat, dome)] == [same, same]
+
+
 def test_forms_in_air_agree():
     """Expected: 2.10-2.12 and the forms from a reference point (2.13-2.15) give the same field. Tolerance: round-off.
     Negative control: 2.13 as printed."""
@@ -220,6 +246,9 @@ def test_exit_window_cuts_the_beam():
     other = exact(small, lateral_m=[0.015, 0] - lateral, emitter_m=(0.015, 0.0)) > 0
     np.testing.assert_array_equal(beside, leaves <= 0.005)
     np.testing.assert_array_equal(other, leaves <= 0.035)
+    # the same along y
+    above = exact(small, lateral_m=lateral[:, ::-1] + [0, 0.015], emitter_m=(0.0, 0.015)) > 0
+    np.testing.assert_array_equal(above, leaves <= 0.005)
     virtual = window_field.virtual_source_field(BEAM, small, lateral_m=lateral, depth_m=1.0).irradiance_w_per_m2
     assert np.array_equal(np.flatnonzero(virtual > 0), np.arange(np.count_nonzero(virtual)))
     assert np.all(np.abs(np.count_nonzero(virtual) - np.count_nonzero(lit)) <= 6)
@@ -243,6 +272,32 @@ def test_arrays_add_up():
         lamp_array.ring(BEAM, count=0, radius_m=0.05)
     with pytest.raises(ValueError, match="got no emitter"):
         lamp_array.array_irradiance([], WINDOW, lateral_m=AXIS, depth_m=1.0)
+
+
+def test_a_displaced_lamp_shifts_its_field():
+    """Expected: behind an unlimited window the field moves with the lamp, in x and y. Tolerance: round-off. Negative
+    control: the field that stays."""
+    points, shift = np.array([[0.0, 0.0], [0.1, 0.2], [-0.3, 0.1]]), (0.02, -0.03)
+    for field in (window_field.exact_field, window_field.virtual_source_field):
+        still, moved, left = (
+            field(BEAM, WINDOW, lateral_m=lateral, depth_m=0.3, emitter_m=emitter).irradiance_w_per_m2
+            for lateral, emitter in ((points, (0.0, 0.0)), (points + shift, shift), (points, shift))
+        )
+        np.testing.assert_allclose(moved, still, rtol=1e-12)
+        assert not np.allclose(left, still, rtol=1e-3)
+
+
+def test_an_array_keeps_its_calibration():
+    """Expected: lamps measured through their window are 1 / T brighter on the axis, T = (1 - R) / (1 + R) of clear
+    glass in air. Tolerance: round-off. Negative control: as bare ones."""
+    lamps = [lamp_array.Emitter(BEAM, (0.0, 0.0))]
+    bare, through = (
+        lamp_array.array_irradiance(lamps, WINDOW, lateral_m=AXIS, depth_m=1.0, calibration=calibration)
+        for calibration in ("bare", "through_window")
+    )
+    reflected = (0.5168 / 2.5168) ** 2
+    assert through == pytest.approx(bare * (1 + reflected) / (1 - reflected), rel=1e-12)
+    assert through > 1.08 * bare
 
 
 def test_tilted_beam_leaves_along_its_refracted_axis():

@@ -84,6 +84,19 @@ def test_irradiance_at_depth_against_published_transport():
     assert kirk != pytest.approx(math.log(0.366 / 0.0433) / 4, rel=0.5)
 
 
+def test_attenuation_has_the_published_coefficients():
+    """Expected: by hand, Kirk with (0.425 * 0.8 - 0.190) a b = 0.15 * 0.09, Lee at 30 deg. Tolerance: round-off.
+    Negative control: neighbouring arguments."""
+    kirk, lee = natural_light.diffuse_attenuation_kirk1984, natural_light.diffuse_attenuation_lee2005
+    found = kirk(absorption_per_m=0.1, scattering_per_m=0.9, mean_cosine=0.8)
+    assert found == pytest.approx(math.sqrt(0.0235) / 0.8, rel=1e-12)
+    assert kirk(absorption_per_m=0.1, scattering_per_m=0.9, mean_cosine=0.801) != pytest.approx(found, rel=1e-5)
+    found = lee(absorption_per_m=0.1, backscattering_per_m=0.02, sun_zenith_rad=math.radians(30))
+    assert found == pytest.approx(0.115 + 0.0836 * (1 - 0.52 * math.exp(-1.08)), rel=1e-12)
+    other = lee(absorption_per_m=0.1, backscattering_per_m=0.02, sun_zenith_rad=math.radians(31))
+    assert other != pytest.approx(found, rel=1e-5)
+
+
 def test_limits_of_the_attenuation():
     """Expected: without scattering K_d = a / mu, the unscattered sun's; with it a/mu < K_d < c/mu. Tolerance:
     round-off. Negative control: the depth for the path."""

@@ -44,6 +44,31 @@ def test_a_good_file_is_read(tmp_path):
     assert found.intensity(45.0, 0.0) != pytest.approx(found.intensity(45.0, 90.0))
 
 
+@pytest.mark.parametrize("header", ["IESNA91", "IESNA:LM-63-1991", "IESNA:LM-63-1995", "IES:LM-63-2019"])
+def test_other_editions_hold_the_same(header):
+    found = ies.parse(GOOD.replace("IESNA:LM-63-2002", header), where="lamp.ies")
+    np.testing.assert_array_equal(found.intensity_cd, ies.parse(GOOD, where="lamp.ies").intensity_cd)
+    # the 12th number: a factor, but since 2019 how the file was made
+    other = ies.parse(GOOD.replace("IESNA:LM-63-2002", header).replace("0.9 1.0 25", "0.9 1.1 25"), where="lamp.ies")
+    factor = 1.0 if header == "IES:LM-63-2019" else 1.1
+    np.testing.assert_allclose(other.intensity_cd, factor * found.intensity_cd, rtol=1e-12)
+
+
+@pytest.mark.parametrize("tilt", ["TILT = NONE", "TILT= NONE", " TILT =NONE "])
+def test_spaces_round_the_equals_sign(tilt):
+    assert ies.parse(GOOD.replace("TILT=NONE", tilt), where="lamp.ies").luminous_flux_lm == 1000
+    with pytest.raises(ValueError, match="got TILT = INCLUDE, allowed: TILT=NONE"):
+        ies.parse(GOOD.replace("TILT=NONE", "TILT = INCLUDE"), where="lamp.ies")
+
+
+@pytest.mark.parametrize(("before", "after"), [(b"\xef\xbb\xbf", b""), (b"", b"\x1a"), (b"", b"\r\n\x1a\r\n")])
+def test_marks_at_either_end_of_a_file_are_skipped(tmp_path, before, after):
+    path = tmp_path / "lamp.ies"
+    path.write_bytes(before + GOOD.replace("Example", "Lämp").encode("utf-8" if before else "latin-1") + after)
+    assert ies.read(path).keywords["MANUFAC"] == "Lämp Lamps"
+    assert ies.parse("\ufeff" + GOOD, where="lamp.ies").luminous_flux_lm == 1000
+
+
 @pytest.mark.parametrize(("last", "same", "other"), [("90", 150.0, 60.0), ("180", 330.0, 150.0), ("360", 390.0, 330.0)])
 def test_symmetries_fold(last, same, other):
     middle = float(last) / 2
@@ -77,6 +102,8 @@ def test_an_axial_file_is_a_profile(tmp_path):
         ("150 0\n", "150 0 7\n", "got 37 numbers after TILT, allowed: 36"),
         ("5 3 1 2", "5 4 1 2", "got 36 numbers after TILT, allowed: 42"),
         ("5 3 1 2", "5.5 3 1 2", "vertical angles: got 5.5, allowed: a whole number"),
+        ("5 3 1 2", "1e300 3 1 2", r"vertical angles: got 1e\+300, allowed: a whole number from 1 to 100000$"),
+        ("5 3 1 2", "5 100001 1 2", "horizontal angles: got 100001, allowed"),
         ("5 3 1 2", "5 0 1 2", "horizontal angles: got 0, allowed"),
         ("5 3 1 2", "5 3 2 2", r"photometric type: got 2, allowed: 1 \(type C\)"),
         ("5 3 1 2", "5 3 3 2", "photometric type: got 3"),

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from uwsim.optics import lamp, phase, sources
+from uwsim.camera import port
+from uwsim.camera.flat_port import FlatPort
+from uwsim.optics import airlight, beam_profile, lamp, lamp_array, natural_light, phase, sources
 from uwsim.optics.spectrum import WAVELENGTHS_NM, band_mean, on_grid
 from uwsim.optics.water import named_water, water_type, water_type_names
+from uwsim.optics.window import DomeWindow
 
 GREEN = int(np.flatnonzero(WAVELENGTHS_NM == 550)[0])
 
@@ -130,3 +133,50 @@ def test_the_colorchecker_has_its_grey_row_last():
     assert len(patches) == sources.COLORCHECKER_ROWS * sources.COLORCHECKER_COLUMNS
     means = [reflectance.mean() for _, reflectance in patches[18:]]
     assert means == sorted(means, reverse=True) and means[0] > 0.8 and means[-1] < 0.05
+
+
+WATER_M = {"path_m": 1.0, "scattering_per_m": 0.1, "attenuation_per_m": 0.2}
+BEAM = beam_profile.Beam(1.0, beam_profile.from_table(angles_deg=[0, 60], values=[1, 1]))
+WINDOW = FlatPort(gap_m=0.01, thickness_m=0.01, n_glass=1.5, n_water=1.34)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: airlight.airlight(lamp_offset_m=0.1, phase=np.ones_like, lamp_ahead_m=np.nan, **WATER_M),
+            "airlight lamp_ahead_m: got nan, allowed: finite",
+        ),
+        (
+            lambda: airlight.airlight_colocated(start_m=0.1, phase_at_180_per_sr=-1.0, **WATER_M),
+            "airlight phase_at_180_per_sr: got -1, allowed: finite, at least 0",
+        ),
+        (
+            lambda: DomeWindow(0.05, 0.005, n_glass=1.5, n_water=1.34, glass_absorption_per_m=-1),
+            "dome window glass_absorption_per_m: got -1, allowed",
+        ),
+        (
+            lambda: natural_light.upward_view(0.1, sky=lambda zenith: -np.ones_like(zenith), n_water=1.34),
+            "sky radiance: got -1, allowed: finite, at least 0",
+        ),
+        (
+            lambda: named_water("tank_low").volume_scattering(np.array([0.0, 1.1])),
+            "water tank_low: cos_angle: got 1.1, allowed: finite, at least -1, at most 1$",
+        ),
+        (lambda: named_water("tank_low").volume_scattering(np.array([-1.1])), "cos_angle: got -1.1, allowed"),
+        (lambda: named_water("tank_low", particle_factor=1.1e6), r"particle_factor is 1100000.0, allowed: .* 1e\+06$"),
+        (lambda: named_water("tank_low", particle_factor=np.nan), "particle_factor is nan, allowed"),
+        (lambda: lamp_array.ring(BEAM, count=np.inf, radius_m=0.1), "lamp array count: got inf, allowed: a whole"),
+        (lambda: lamp_array.ring(BEAM, count=np.nan, radius_m=0.1), "lamp array count: got nan, allowed: a whole"),
+        (lambda: lamp_array.ring(BEAM, count=0, radius_m=0.1), "lamp array count: got 0, allowed: a whole"),
+        (
+            lambda: port.project(np.ones((5, 2)), port=WINDOW, K=np.eye(3)),
+            r"port points_camera_m: got shape \(5, 2\), allowed: \(..., 3\)$",
+        ),
+        (lambda: port.project(1.0, port=WINDOW, K=np.eye(3)), r"points_camera_m: got shape \(\), allowed"),
+    ],
+)
+def test_numbers_out_of_range_are_refused_in_one_line(call, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)

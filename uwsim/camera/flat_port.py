@@ -1,4 +1,7 @@
-"""Camera behind a flat port: plane layers of air, glass and water at any tilt."""
+"""Camera behind a flat port: plane layers of air, glass and water at any tilt.
+
+Source: Snell's law at each face; Agrawal et al., CVPR 2012, for the axial camera.
+"""
 
 import math
 from dataclasses import dataclass

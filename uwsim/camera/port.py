@@ -4,6 +4,7 @@ Camera frame: pinhole (entrance pupil) at the origin, x right, y down, z forward
 The lens is a pinhole K with the distortion of `uwsim.camera.distortion`; the port is a `FlatPort` or a `DomePort`.
 Every ray keeps to the plane that holds the port's axis, so that it meets the axis: the port is an axial camera, with
 one centre only for a dome around the pinhole.
+Source: Snell's law at each face; Agrawal et al., CVPR 2012, for the axial camera.
 """
 
 from enum import IntEnum
@@ -78,8 +79,12 @@ def project(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return pixels (..., 2) of points in the water (..., 3) [m], and `Status` (...) as int8; NaN unless SEEN.
 
-    The inverse of `rays` for points along them, within 1e-9 px.
+    The inverse of `rays` for points along them, within 1e-9 px. Raises ValueError unless the last axis holds 3.
+    Valid: flat ports tilted by up to about 40 degrees, or by any angle with an air gap (without one 2.7e-8 px at 52
+    degrees).
     """
+    if np.shape(points_camera_m)[-1:] != (3,):
+        raise ValueError(f"port points_camera_m: got shape {np.shape(points_camera_m)}, allowed: (..., 3)")
     directions, status = port.air_directions(points_camera_m)
     pixels = distortion.project(directions, K, coefficients=coefficients)
     missing = (status == Status.SEEN) & ~np.all(np.isfinite(pixels), axis=-1)

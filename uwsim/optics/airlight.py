@@ -39,6 +39,7 @@ def airlight(
     _lamp(lamp_offset_m=lamp_offset_m, path_m=path_m, scattering_per_m=scattering_per_m,
           attenuation_per_m=attenuation_per_m)  # fmt: skip
     require("airlight intensity_w_per_sr", intensity_w_per_sr, least=0)
+    require("airlight lamp_ahead_m", lamp_ahead_m)
     h = lamp_offset_m
     start, end = math.atan2(-float(lamp_ahead_m), h), math.atan2(path_m - lamp_ahead_m, h)
     angle = start + 0.5 * (end - start) * (_NODES + 1)
@@ -89,6 +90,7 @@ def airlight_colocated(
     """
     require("airlight start_m", start_m, above=0)
     require("airlight path_m", path_m, least=start_m)
+    require("airlight phase_at_180_per_sr", phase_at_180_per_sr, least=0)
     _lamp(lamp_offset_m=start_m, path_m=path_m, scattering_per_m=scattering_per_m,
           attenuation_per_m=attenuation_per_m)  # fmt: skip
     c = attenuation_per_m

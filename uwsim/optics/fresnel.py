@@ -53,6 +53,7 @@ def snell(angle_rad: np.ndarray, *, n_from: float, n_to: float) -> np.ndarray:
 
     Raises ValueError beyond the critical angle (no refracted ray).
     Source: dissertation, eq. 2.24.
+    Errata: none; the printed form is right.
     """
     require_index("refraction", n_from=n_from, n_to=n_to)
     angle = _angle(angle_rad)

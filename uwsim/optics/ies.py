@@ -1,4 +1,7 @@
-"""Photometric files of lamp makers: IES LM-63-1995 and LM-63-2002, TILT=NONE, type C."""
+"""Photometric files of lamp makers: IES LM-63-1991 to LM-63-2019, TILT=NONE, type C.
+
+A strict parser: what it does not know it refuses, in one line that names the file, the line and what is allowed.
+"""
 
 import re
 from dataclasses import dataclass
@@ -6,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-FORMATS = ("IESNA:LM-63-1995", "IESNA:LM-63-2002")
+_LM_63_2019 = "IES:LM-63-2019"
+FORMATS = ("IESNA91", "IESNA:LM-63-1991", "IESNA:LM-63-1995", "IESNA:LM-63-2002", _LM_63_2019)
+_MOST = 100_000
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _HEADER_NUMBERS = 13
 _AXIAL, _QUADRANT, _BILATERAL, _FULL = 0.0, 90.0, 180.0, 360.0
@@ -65,24 +70,28 @@ def read(path: Path) -> Photometry:
     Raises ValueError in one line naming the file for another format or photometric type, a lamp tilt, numbers that
     are not numbers, counts that do not fit, and angles that do not increase.
     Source: ANSI/IESNA LM-63-2002 (13 numbers, vertical angles, horizontal angles, one run of candelas per plane).
+    In LM-63-2019 the 12th number tells how the file was made and multiplies nothing.
     """
     path = Path(path)
-    return parse(path.read_text(encoding="latin-1"), where=path.name)
+    content = path.read_bytes()
+    encoding = "utf-8-sig" if content.startswith(b"\xef\xbb\xbf") else "latin-1"
+    return parse(content.decode(encoding, errors="replace"), where=path.name)
 
 
 def parse(text: str, *, where: str) -> Photometry:
     """Return the photometry of the text of an IES file; `where` names it in errors."""
-    lines = text.splitlines()
+    lines = text.removeprefix("\ufeff").rstrip().removesuffix("\x1a").splitlines()
     if not lines or lines[0].strip() not in FORMATS:
         got = lines[0].strip()[:40] if lines else ""
         raise ValueError(f"{where}: first line: got {got!r}, allowed: {' or '.join(FORMATS)}")
-    start = next((i for i, line in enumerate(lines) if line.strip().startswith("TILT=")), None)
+    start = next((i for i, line in enumerate(lines) if re.match(r"\s*TILT\s*=", line)), None)
     if start is None:
         raise ValueError(f"{where}: no line TILT=, allowed: TILT=NONE")
-    if (tilt := lines[start].strip()) != "TILT=NONE":
+    if not re.fullmatch(r"TILT\s*=\s*NONE", tilt := lines[start].strip()):
         raise ValueError(f"{where}: got {tilt[:40]}, allowed: TILT=NONE")
     numbers = _numbers(lines[start + 1 :], first_line=start + 2, where=where)
-    return _photometry(numbers, _keywords(lines[1:start]), where=where)
+    has_factor = lines[0].strip() != _LM_63_2019
+    return _photometry(numbers, _keywords(lines[1:start]), has_second_factor=has_factor, where=where)
 
 
 def _keywords(lines: list[str]) -> dict[str, str]:
@@ -116,16 +125,18 @@ def _numbers(lines: list[str], *, first_line: int, where: str) -> np.ndarray:
 
 
 def _count(value: float, name: str, where: str) -> int:
-    if value != int(value) or value < 1:
-        raise ValueError(f"{where}: {name}: got {value:g}, allowed: a whole number of at least 1")
+    if value != int(value) or not 1 <= value <= _MOST:
+        raise ValueError(f"{where}: {name}: got {value:g}, allowed: a whole number from 1 to {_MOST}")
     return int(value)
 
 
-def _photometry(numbers: np.ndarray, keywords: dict[str, str], *, where: str) -> Photometry:
+def _photometry(
+    numbers: np.ndarray, keywords: dict[str, str], *, has_second_factor: bool, where: str
+) -> Photometry:  # fmt: skip
     if len(numbers) < _HEADER_NUMBERS:
         raise ValueError(f"{where}: got {len(numbers)} numbers after TILT, allowed: at least {_HEADER_NUMBERS}")
     lamps, lumens, multiplier, vertical, horizontal, kind = numbers[:6]
-    ballast, second_factor = numbers[10:12]
+    ballast, second_factor = numbers[10], numbers[11] if has_second_factor else 1.0
     if kind != 1:
         raise ValueError(f"{where}: photometric type: got {kind:g}, allowed: 1 (type C)")
     lamps = _count(lamps, "number of lamps", where)

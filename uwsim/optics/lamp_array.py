@@ -21,7 +21,7 @@ class Emitter(NamedTuple):
 
 
 def _count(name: str, value: int) -> int:
-    if value != int(value) or value < 1:
+    if not (math.isfinite(value) and value == int(value) and value >= 1):
         raise ValueError(f"lamp array {name}: got {value:g}, allowed: a whole number of at least 1")
     return int(value)
 

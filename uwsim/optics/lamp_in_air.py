@@ -67,6 +67,7 @@ def axis_irradiance_from_reference(
     `reference_distance_m` d is from the lamp to O', where the irradiance was measured.
     Source: dissertation, eq. 2.14, E(d_1, 0) = E(O') d^2 / (d + d_1)^2.
     Valid: d above 5 lamp sizes.
+    Errata: none; the printed form is right.
     """
     reference = _distance("reference_distance_m", reference_distance_m)
     distance = require("lamp field: distance_m", distance_m, least=0)

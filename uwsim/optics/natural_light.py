@@ -182,4 +182,4 @@ def upward_view(
     inside = n_water * np.sin(angle) < 1
     zenith = np.arcsin(np.where(inside, n_water * np.sin(angle), 0.0))
     passed = np.where(inside, surface_transmittance(zenith, n_water=n_water), 0.0)
-    return n_water**2 * passed * sky(zenith) + (1 - passed) * upwelling_w_per_m2_sr
+    return n_water**2 * passed * require("sky radiance", sky(zenith), least=0) + (1 - passed) * upwelling_w_per_m2_sr

@@ -69,7 +69,8 @@ def molecular() -> PhaseMixture:
     """Return the phase function of water molecules as two terms, g = +0.30 and g = -0.30 in equal shares.
 
     Within 4.7 % of 1 + 0.925 cos^2 at every angle (the best of two symmetric terms is g = 0.301: 4.6 %), mean cosine 0.
-    Valid: where molecules are a small share of the scattering (under 3 % in every tank water).
+    Valid: where molecules are a small share of the scattering (under 3 % in every tank water); in jerlov_I they are
+    nearly all of it (91-100 %), so that its own phase function is within 4.7 % only.
     Source: shape of Zhang, Hu & He 2009, Opt. Express 17:5698 (depolarisation ratio 0.039).
     """
     return constant([0.30, -0.30], [0.5, 0.5])

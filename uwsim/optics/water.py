@@ -16,6 +16,7 @@ from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.validation import validated
 
 _TYPES = Path(__file__).parent / "water_types"
+_MOST_PARTICLES = 1e6
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,18 @@ class Water:
 
     @property
     def backscattering(self) -> np.ndarray:
-        """b_b = 2 pi b int over 90-180 deg of p sin, (61,). [1/m] Source: dissertation eq. 2.7."""
+        """b_b = 2 pi b int over 90-180 deg of p sin, (61,). [1/m]
+
+        Source: dissertation eq. 2.7. Errata: none; the printed form is right.
+        """
         return self.scattering * self.phase.backscatter_fraction
 
     @property
     def forward_scattering(self) -> np.ndarray:
-        """b_f = b - b_b, (61,). [1/m] Source: dissertation eq. 2.6."""
+        """b_f = b - b_b, (61,). [1/m]
+
+        Source: dissertation eq. 2.6. Errata: none; the printed form is right.
+        """
         return self.scattering - self.backscattering
 
     def volume_scattering(self, cos_angle: np.ndarray) -> np.ndarray:
@@ -61,7 +68,9 @@ class Water:
 
         Source: dissertation eq. 2.5. Errata: beta = d2(Phi) / (E dOmega dV), where E is the irradiance on the volume.
         """
-        return self.scattering * self.phase.density(cos_angle)
+        # cosines of unit vectors may round beyond 1
+        cosine = require(f"water {self.name}: cos_angle", cos_angle, least=-1 - 1e-6, most=1 + 1e-6)
+        return self.scattering * self.phase.density(np.clip(cosine, -1, 1))
 
     def transmittance(self, *, path_m: float) -> np.ndarray:
         """Return the share of radiance that a path leaves unscattered and unabsorbed, exp(-c path), (61,).
@@ -229,10 +238,12 @@ def named_water(name: str, *, particle_factor: float = 1.0, source: str | None =
 
     `source` chooses between rival tables of a Jerlov type (`jerlov.SOURCES`). Measured waters (Jerlov, Petzold) have
     no particles of their own to multiply.
-    Raises ValueError for an unknown name, a negative factor, or a factor or source that the water does not have.
+    Raises ValueError for an unknown name, a factor below 0 or above 1e6, or a factor or source the water does not have.
     """
-    if not (np.isfinite(particle_factor) and particle_factor >= 0):
-        raise ValueError(f"water {name}: particle_factor is {particle_factor}, allowed: >= 0")
+    if not 0 <= particle_factor <= _MOST_PARTICLES:
+        raise ValueError(
+            f"water {name}: particle_factor is {particle_factor}, allowed: >= 0 and <= {_MOST_PARTICLES:g}"
+        )
     kind = water_type(name)
     if source is not None and kind.jerlov is None:
         raise ValueError(f"water {name}: source is {source!r}, allowed: none (Jerlov types have rival sources)")

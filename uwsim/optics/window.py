@@ -75,6 +75,7 @@ class FlatWindow:
         """Return the angle in the water of rays at an angle in air, (...) -> (...). [rad]
 
         Source: dissertation, eq. 2.24. Valid: parallel faces, any glass.
+        Errata: none; the printed form is right.
         """
         return fresnel.snell(air_angle_rad, n_from=self.n_air, n_to=self.n_water)
 
@@ -179,6 +180,7 @@ class DomeWindow:
     def __post_init__(self):
         require("dome window inner_radius_m", self.inner_radius_m, above=0)
         require("dome window thickness_m", self.thickness_m, least=0)
+        require("dome window glass_absorption_per_m", self.glass_absorption_per_m, least=0)
         require("dome window half_aperture_rad", self.half_aperture_rad, above=0, most=math.pi)
         _require_ordered_indices("dome window", n_air=self.n_air, n_glass=self.n_glass, n_water=self.n_water)
 

@@ -38,7 +38,8 @@ def _worst(values: np.ndarray, low: float, high: float) -> float:
 def invert(cdf: Callable, density: Callable, uniform: np.ndarray, *, iterations: int = 60) -> np.ndarray:
     """Return s with cdf(s) = uniform, by Newton steps in ln s on ln cdf, halving where a step leaves the bracket.
 
-    `cdf(s)`, `density(s)` (derivative of the CDF over 4 pi) take arrays. Below s = 1e-300 the answer is 0.
+    `cdf(s)`, `density(s)` (derivative of the CDF over 4 pi) take arrays.
+    Numbers below 1e-300 count as 1e-300, and s is never below 1e-300, not even for 0.
     """
     target = np.maximum(checked_uniform(uniform).astype(float), 1e-300)
     low, high = np.full(target.shape, np.log(1e-300)), np.zeros(target.shape)
