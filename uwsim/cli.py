@@ -127,8 +127,7 @@ def schema(
 @app.command()
 def scenes() -> None:
     """List the scenes, recipes and benchmarks that ship with uwsim."""
-    from uwsim.files import shipped
-    from uwsim.scene.load import read_toml
+    from uwsim.files import read_toml, shipped
 
     for title, folder in (("scenes", "scenes"), ("recipes", "scenes/datasets"), ("benchmarks", "benchmarks")):
         _print(title)

@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 import os
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -39,6 +40,16 @@ def read_json(path: Path) -> object:
         raise ValueError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path}: not readable as JSON: {error}") from error
+
+
+def read_toml(path: Path) -> dict:
+    """Read a TOML file as a dictionary; ValueError in one line."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ValueError(f"{path}: not readable as TOML: {error}") from None
 
 
 @contextlib.contextmanager

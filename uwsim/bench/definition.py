@@ -1,12 +1,11 @@
 """What a benchmark is: benchmarks/<name>.toml as a strict, frozen model."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from uwsim.files import find_shipped
+from uwsim.files import find_shipped, read_toml
 from uwsim.validation import validated
 
 Name = Annotated[str, Field(min_length=1)]
@@ -50,10 +49,7 @@ def read_definition(name: str) -> tuple[str, Definition]:
 
 
 def _parse(path: Path) -> Definition:
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(f"{path}: not readable as TOML: {error}") from None
+    content = read_toml(path)
     if isinstance(content.get("algorithms"), list):
         content["algorithms"] = tuple(content["algorithms"])
     return validated(Definition, content, where=path)

@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import Field, TypeAdapter, model_validator
 
 from uwsim import seeds
-from uwsim.files import find_shipped
+from uwsim.files import find_shipped, read_toml
 from uwsim.scene.base import Strict
-from uwsim.scene.load import read_toml, scene_values
+from uwsim.scene.load import scene_values
 from uwsim.scene.models import Scene
 from uwsim.validation import validated
 

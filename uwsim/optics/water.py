@@ -1,6 +1,5 @@
 """Water: absorption, scattering and phase function over wavelength, by name or from constituents."""
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from uwsim.files import read_toml
 from uwsim.optics import jerlov, phase, pure_water, tables
 from uwsim.optics.checks import require
 from uwsim.optics.phase import PhaseMixture
@@ -226,11 +226,7 @@ def water_type(name: str) -> WaterType:
     if name not in water_type_names():
         raise ValueError(f"name: got {name!r}, allowed: {', '.join(water_type_names())}")
     path = _TYPES / f"{name}.toml"
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path.name}: not readable as TOML: {error}") from None
-    return validated(WaterType, content, where=path.name)
+    return validated(WaterType, read_toml(path), where=path.name)
 
 
 def named_water(name: str, *, particle_factor: float = 1.0, source: str | None = None) -> Water:

@@ -52,20 +52,20 @@ def render_frame(
         buffers |= {"flow_start": flow_start, "flow_end": flow_end}
     times_s, poses = exposure_poses(scene, steps=steps)
 
-    def light(name, *, water, poses):
-        built = build(scene, water=water, rig_poses=poses)
+    def light(name, built):
         report = None if progress is None else (lambda done, total: progress(name, done, total))
         return transport.layers(
             built, view, samples_per_pixel=samples_per_pixel, batches=batches,
             seed=seeds.integer(seed, frame, name), progress=report,
         )  # fmt: skip
 
-    buffers |= light("radiance", water=water, poses=poses)
-    buffers["water_free"] = light("water_free", water=None, poses=poses)["radiance"]
+    without_water = build(scene, water=None, rig_poses=poses)
+    buffers |= light("radiance", build(scene, water=water, rig_poses=poses))
+    buffers["water_free"] = light("water_free", without_water)["radiance"]
     if moving:
-        buffers["sharp"] = light("sharp", water=water, poses=middle)["radiance"]
+        buffers["sharp"] = light("sharp", build(scene, water=water, rig_poses=middle))["radiance"]
     buffers["transmission"] = transport.transmission(
-        build(scene, water=None, rig_poses=poses), view, attenuation=water.attenuation,
+        without_water, view, attenuation=water.attenuation,
         samples_per_pixel=_SAMPLES_TRANSMISSION, seed=seeds.integer(seed, frame, "transmission"),
     )  # fmt: skip
     return Rendered(buffers=buffers, times_s=times_s, world_from_camera=poses, blur=blur)

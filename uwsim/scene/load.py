@@ -1,21 +1,10 @@
 """Scenes from TOML files; every error is one line with file, key, value and what is allowed."""
 
-import tomllib
 from pathlib import Path
 
-from uwsim.files import find_shipped
+from uwsim.files import find_shipped, read_toml
 from uwsim.scene.models import Scene
 from uwsim.validation import validated
-
-
-def read_toml(path: Path) -> dict:
-    """Read a TOML file as a dictionary; ValueError in one line."""
-    try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(f"{path}: not readable as TOML: {error}") from None
 
 
 def scene_values(name: str) -> tuple[dict, Path]:
