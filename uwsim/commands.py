@@ -43,10 +43,10 @@ def render_scene(scene, out: Path, *, samples: int, batches: int, seed: int, rep
     """Render a scene into a new frame folder `out`."""
     from uwsim.dataset.frame import write_frame
     from uwsim.dataset.make import make_frame
-    from uwsim.render import transport, variants
+    from uwsim.render import accumulate, variants
 
     _new_folder(out)
-    transport.check_samples(samples, batches)
+    accumulate.check_samples(samples, batches)
     variants.use()
     image, buffers, info = make_frame(
         scene, name=out.name, group="single", seed=seed, frame=0, samples_per_pixel=samples, batches=batches,
@@ -59,11 +59,11 @@ def render_geometry(scene, out: Path) -> None:
     """Cast rays and write the geometry buffers to `out`/geometry.exr; works without libLLVM."""
     from uwsim.dataset import exr
     from uwsim.dataset.frame import BUFFERS
-    from uwsim.render import geometry, transport, variants
+    from uwsim.render import film, geometry, variants
 
     _new_folder(out)
     variants.use(geometry=True)
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
     buffers = geometry.geometry(scene, view, world_from_camera=scene.rig.world_from_rig)
     out.mkdir()
     exr.write(out / "geometry.exr", {name: (image, BUFFERS[name][1]) for name, image in buffers.items()})

@@ -6,7 +6,7 @@ from uwsim.camera import pose
 from uwsim.optics import phase
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.optics.water import Water
-from uwsim.render import transport
+from uwsim.render import film, transport
 from uwsim.render.build import build
 from uwsim.scene.models import Scene
 
@@ -68,7 +68,7 @@ def replicates(
 
     `reference`: by Mitsuba's own integrator, which gives radiance only.
     """
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
     built = build(scene, water=water, rig_poses=scene.rig.world_from_rig[None])
 
     def image(seed):

@@ -9,7 +9,7 @@ from tests.physics import scenes
 from tests.references.monte_carlo import assert_mean_matches
 from uwsim.optics.sources import camera_response
 from uwsim.optics.spectrum import WAVELENGTHS_NM, band_mean
-from uwsim.render import selfcheck, transport
+from uwsim.render import film, selfcheck, transport
 from uwsim.render.build import build
 
 LAMP_M = (0.3, -0.2, 0.1)
@@ -48,7 +48,7 @@ def test_transmission_buffer_is_exponential():
     scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
     built = build(scene, water=None, rig_poses=scene.rig.world_from_rig[None])
     found = transport.transmission(
-        built, transport.view_of(scene), attenuation=water.absorption, samples_per_pixel=1024, seed=1
+        built, film.view_of(scene), attenuation=water.absorption, samples_per_pixel=1024, seed=1
     )
     vacuum, _ = scenes.wall_radiance(distance_m=1.0, lamp_m=LAMP_M)
     truth = expected(1.0, water.absorption) / vacuum

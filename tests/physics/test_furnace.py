@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics import scenes
 from tests.references.monte_carlo import assert_mean_matches
-from uwsim.render import transport
+from uwsim.render import film, transport
 from uwsim.render.build import Built, integrator_description, load_medium
 
 RADIUS_M = 1.0
@@ -34,7 +34,7 @@ def ball(*, albedo: float) -> np.ndarray:
     }
     camera = np.eye(4)
     camera[2, 3] = -5.0  # looks along +z
-    view = transport.view_of(scenes.wall(distance_m=1.0))
+    view = film.view_of(scenes.wall(distance_m=1.0))
     built = Built(mi.load_dict(description, optimize=False), None, camera[None])
     images = [transport.reference_radiance(built, view, samples_per_pixel=512, batches=2, seed=s)[0] for s in range(16)]
     return np.stack([image.mean(axis=(0, 1)) for image in images])

@@ -6,7 +6,7 @@ import pytest
 from tests.physics import scenes
 from tests.references.monte_carlo import assert_mean_matches
 from uwsim.camera import pose
-from uwsim.render import transport
+from uwsim.render import film, transport
 from uwsim.render.build import build
 from uwsim.render.frame import summarise_blur
 
@@ -27,7 +27,7 @@ def test_without_scattering_the_image_is_the_twin_times_the_transmission():
     still = scene.rig.world_from_rig[None]
     found = scenes.replicates(scene, water=water, samples=1024)
     twin = scenes.replicates(scene, water=None, samples=1024, count=8).mean(axis=0)
-    built, view = build(scene, water=None, rig_poses=still), transport.view_of(scene)
+    built, view = build(scene, water=None, rig_poses=still), film.view_of(scene)
 
     def product(attenuation):
         t = transport.transmission(built, view, attenuation=attenuation, samples_per_pixel=1024, seed=3)
@@ -86,7 +86,7 @@ def test_backscatter_is_what_a_black_wall_leaves():
 def test_layers_sum_to_the_image_and_vanish_where_they_must():
     """Layers sum to float32 round-off; without scattering only direct light is left."""
     scene = scenes.wall(distance_m=1.0, lamp_m=LAMP_M)
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
 
     def layers(water):
         built = build(scene, water=water, rig_poses=scene.rig.world_from_rig[None])
@@ -109,7 +109,7 @@ def test_standard_error_is_that_of_repeated_renders():
         scene, water=scenes.water(absorption_per_m=0.1, scattering_per_m=0.3, g=0.5),
         rig_poses=scene.rig.world_from_rig[None],
     )  # fmt: skip
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
     frames = [transport.layers(built, view, samples_per_pixel=256, batches=8, seed=seed) for seed in range(24)]
     pairs = [(frame["radiance"], frame["standard_error"]) for frame in frames]
     spread = np.std([image for image, _ in pairs], axis=0, ddof=1)
@@ -133,7 +133,7 @@ def test_motion_is_the_mean_over_mid_points_of_the_exposure():
     """Setup: rig (camera and lamp) moving 4 px sideways over a board, no water. Expected: one render along the
     trajectory equals the mean of 16 still ones at the mid-points. Negative control: end points included (too long)."""
     scene = textured_wall()
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
     shift_m = 4 * 1.0 / view.K[0, 0]
 
     def path(offsets):
@@ -192,7 +192,7 @@ def test_a_rig_in_motion_is_the_mean_of_still_ones_in_water_too():
     scene, water = scenes.wall(distance_m=1.0, lamp_m=(0.4, 0.0, 0.0)), scenes.water(**SCATTERING, g=0.3)
     bodies = [scene.bodies[0].model_copy(update={"width_m": 0.1})]  # an edge for the motion to matter
     scene = scene.model_copy(update={"bodies": tuple(bodies)})
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
 
     def image(offsets_m, samples, seed):
         poses = pose.through_exposure(

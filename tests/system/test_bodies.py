@@ -8,7 +8,7 @@ from tests.physics import scenes
 from uwsim.camera import pinhole, pose
 from uwsim.optics.sources import camera_response
 from uwsim.optics.spectrum import band_mean
-from uwsim.render import geometry, transport
+from uwsim.render import film, geometry
 from uwsim.scene.models import Scene
 
 CUBE = """ply
@@ -56,7 +56,7 @@ def seen(*bodies):
     values["rig"]["camera"] |= {"width_px": 80, "height_px": 60, "horizontal_fov_deg": 50.0}
     values["bodies"] = [{"position_m": (0.0, 1.0, -100.0), "towards_m": (0.0, 0.0, -100.0)} | body for body in bodies]
     scene = Scene.model_validate(values)
-    buffers = geometry.geometry(scene, transport.view_of(scene), world_from_camera=scene.rig.world_from_rig)
+    buffers = geometry.geometry(scene, film.view_of(scene), world_from_camera=scene.rig.world_from_rig)
     return scene, buffers
 
 

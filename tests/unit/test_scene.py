@@ -12,7 +12,8 @@ from uwsim.files import shipped
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.scene import markers, truth, usaf
 from uwsim.scene.load import load_scene, scene_values
-from uwsim.scene.models import Phase, Scene
+from uwsim.scene.models import Scene
+from uwsim.scene.water import Phase
 from uwsim.validation import validated
 
 SHIPPED = sorted(shipped("scenes").glob("*.toml"))

@@ -5,7 +5,8 @@ import pytest
 from tests.physics import scenes
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.scene import truth
-from uwsim.scene.models import Phase, Scene
+from uwsim.scene.models import Scene
+from uwsim.scene.water import Phase
 
 
 def changed(**changes):

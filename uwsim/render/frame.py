@@ -7,9 +7,9 @@ import numpy as np
 
 from uwsim import seeds
 from uwsim.camera import pinhole, pose
-from uwsim.render import geometry, selfcheck, transport
+from uwsim.render import accumulate, geometry, selfcheck, transport
 from uwsim.render.build import build, exposure_poses, rig_poses
-from uwsim.render.transport import View, view_of
+from uwsim.render.film import View, view_of
 from uwsim.scene.models import Scene
 
 _NOWHERE_M = 1.0  # distance taken for pixels that see no body
@@ -37,7 +37,7 @@ def render_frame(
     (seed, frame) name the random streams. Raises ValueError if the samples do not split into batches, or if
     the self-check finds that the water does not act.
     """
-    transport.check_samples(samples_per_pixel, batches)
+    accumulate.check_samples(samples_per_pixel, batches)
     view, water = view_of(scene), scene.water.optical()
     selfcheck.check_medium(scene, seed=seeds.integer(seed, frame, "self-check"))
     middle = rig_poses(scene, np.zeros(1))

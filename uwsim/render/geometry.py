@@ -8,7 +8,7 @@ import numpy as np
 from uwsim.camera import pinhole
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.render.build import body_number, build_bodies
-from uwsim.render.transport import View
+from uwsim.render.film import View
 
 _LANES = 4  # wavelengths that one Mitsuba ray carries
 

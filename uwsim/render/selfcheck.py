@@ -12,10 +12,12 @@ import numpy as np
 from uwsim.camera import pose
 from uwsim.optics.spectrum import WAVELENGTHS_NM, band_mean
 from uwsim.optics.water import Water
-from uwsim.render import transport
+from uwsim.render import film, transport
 from uwsim.render.build import build
 from uwsim.scene.bodies import Rectangle
-from uwsim.scene.models import Camera, Lamp, Scene
+from uwsim.scene.camera import Camera
+from uwsim.scene.lamp import Lamp
+from uwsim.scene.models import Scene
 
 _SIZE_PX = 8
 _SAMPLES = 512
@@ -31,7 +33,7 @@ def check_medium(scene: Scene, *, seed: int) -> None:
     water = scene.water.optical()
     if not np.any(water.attenuation > 0):
         return
-    view = transport.view_of(scene)
+    view = film.view_of(scene)
     distance_m = 0.35 / max(float(np.mean(band_mean(water.attenuation, view.response))), 1e-3)
     target = _target_scene(scene, distance_m)
     measured, error = _measured(target, water, seed=seed)
@@ -70,8 +72,8 @@ def _measured(target: Scene, water: Water, *, seed: int) -> tuple[np.ndarray, np
         water, name=f"{water.name} (check)", absorption=water.attenuation, scattering=np.zeros_like(water.scattering)
     )
     built = build(target, water=absorbing, rig_poses=target.rig.world_from_rig[None])
-    found = transport.layers(built, transport.view_of(target), samples_per_pixel=_SAMPLES, batches=2, seed=seed)
-    pixels = found["radiance"].reshape(-1, transport.BANDS).astype(float)
+    found = transport.layers(built, film.view_of(target), samples_per_pixel=_SAMPLES, batches=2, seed=seed)
+    pixels = found["radiance"].reshape(-1, film.BANDS).astype(float)
     return pixels.mean(axis=0), pixels.std(axis=0, ddof=1) / np.sqrt(len(pixels))
 
 
