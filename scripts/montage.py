@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import uwsim.dataset
+from uwsim.bench.task import sensor_keywords
 from uwsim.camera.sensor import expose_without_noise
 from uwsim.images import write_png
 
@@ -16,12 +17,7 @@ BACKSCATTER_GAIN = 4.0
 
 
 def row(frame) -> np.ndarray:
-    sensor = frame.info.sensor
-    constants = {
-        "electrons_per_radiance": np.array(sensor.electrons_per_radiance),
-        "full_well_e": sensor.full_well_e,
-        "white_balance": np.array(sensor.white_balance),
-    }
+    constants = sensor_keywords(frame)
     range_m = frame.buffer("range")
     near, far = range_m[np.isfinite(range_m)].min(), range_m[np.isfinite(range_m)].max()
     shade = np.where(np.isfinite(range_m), 1 - 0.85 * (range_m - near) / max(far - near, 1e-6), 0)

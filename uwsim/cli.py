@@ -178,8 +178,14 @@ def optics(out: Out) -> None:
 def render(
     scene: Annotated[str, typer.Argument(help="TOML file, or the name of a shipped scene")],
     out: Out,
-    samples: Annotated[int, typer.Option(help="Samples per pixel.")] = 64,
-    batches: Annotated[int, typer.Option(help="Independent batches, for the standard error.")] = 8,
+    samples: Annotated[int | None, typer.Option(help="Samples per pixel; 64 unless --noise or --time.")] = None,
+    batches: Annotated[int | None, typer.Option(help="Independent batches of the samples; 8.")] = None,
+    noise: Annotated[
+        str | None, typer.Option(help="Until the error of region means is this small (1%), and pixels' for the sensor.")
+    ] = None,
+    time: Annotated[str | None, typer.Option(help="Stop after this time (60s, 5m), even if still too noisy.")] = None,
+    checkpoint: Annotated[Path | None, typer.Option(help="File that keeps what is rendered so far.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the --checkpoint.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT instead of the scene's (same field of view).")] = None,
     geometry_only: Annotated[
@@ -189,13 +195,21 @@ def render(
     """Render one scene by light transport: OUT becomes a frame folder (image.png, frame.exr, frame.json)."""
     from uwsim import commands
 
+    until = commands.until(samples=samples, batches=batches, noise=noise, time=time)
     loaded = commands.sized_scene(scene, size)
+    text = f"{out}: {loaded.name}, {loaded.rig.camera.width_px} x {loaded.rig.camera.height_px}"
     if geometry_only:
+        light = {"samples": samples, "batches": batches, "noise": noise, "time": time, "checkpoint": checkpoint}
+        if given := [f"--{name}" for name, value in light.items() if value is not None]:
+            raise ValueError(f"--geometry-only: got {', '.join(given)} too, allowed: no options about light")
         commands.render_geometry(loaded, out)
-    else:
-        with _progress() as report:
-            commands.render_scene(loaded, out, samples=samples, batches=batches, seed=seed, report=report)
-    _print(f"{out}: {loaded.name}, {loaded.rig.camera.width_px} x {loaded.rig.camera.height_px}")
+        _print(text)
+        return
+    with _progress() as report:
+        found = commands.render_scene(
+            loaded, out, until=until, seed=seed, report=report, checkpoint=checkpoint, resume=resume
+        )
+    _print(f"{text}\n{commands.noise_line(found)}")
 
 
 @app.command()
@@ -210,6 +224,8 @@ def generate(
     with _progress() as report:
         dataset = commands.generate_dataset(recipe, out, resume=resume, report=report)
     _print(f"{out}: {len(dataset)} frames")
+    if noisy := commands.noisy_frames_line(dataset):
+        _print(noisy)
 
 
 @app.command()

@@ -39,32 +39,91 @@ def _folder(out: Path) -> None:
         raise ValueError(f"--out {out}: is a file, allowed: a folder")
 
 
-def render_scene(scene, out: Path, *, samples: int, batches: int, seed: int, report: Report) -> None:
-    """Render a scene into a new frame folder `out`."""
+def until(*, samples: int | None, batches: int | None, noise: str | None, time: str | None):
+    """Return what ends a render from the options of the command line: samples in batches, or noise and time.
+
+    Without any: 64 samples in 8 batches. Raises ValueError if both kinds are given.
+    """
+    from uwsim.render import stopping
+
+    if noise is None and time is None:
+        return stopping.until(64 if samples is None else samples, 8 if batches is None else batches, None)
+    for name, value in (("--samples", samples), ("--batches", batches)):
+        if value is not None:
+            raise ValueError(f"{name}: got {value} with {'--noise' if noise else '--time'}, allowed: one or the other")
+    return stopping.Until(
+        region=None if noise is None else stopping.share_from_text(noise),
+        time_s=None if time is None else stopping.seconds_from_text(time),
+    )
+
+
+def render_scene(
+    scene, out: Path, *, until, seed: int, report: Report, checkpoint: Path | None = None, resume: bool = False
+):
+    """Render a scene into a new frame folder `out` and return what is known of its noise (frame.json, `noise`).
+
+    until: what ends it (`render.stopping.Until`). checkpoint: file to keep the sums in; `resume` goes on from it.
+    """
     from uwsim.dataset.frame import write_frame
     from uwsim.dataset.make import make_frame
-    from uwsim.render import accumulate, variants
+    from uwsim.render import checkpoint as checkpoints
+    from uwsim.render import variants
 
     _new_folder(out)
-    accumulate.check_samples(samples, batches)
-    variants.use()
-    image, buffers, info = make_frame(
-        scene, name=out.name, group="single", seed=seed, frame=0, samples_per_pixel=samples, batches=batches,
+    if resume and checkpoint is None:
+        raise ValueError("--resume: got no --checkpoint, allowed: with the --checkpoint FILE to go on from")
+    variant, kept = variants.use(), None
+    if checkpoint is not None:
+        identity = checkpoints.identity(
+            scene, seed=seed, frame=0, samples_per_batch=until.samples_per_batch, variant=variant
+        )
+        kept = checkpoints.Checkpoint(checkpoint, identity=identity, resume=resume)
+    made = make_frame(
+        scene, name=out.name, group="single", seed=seed, frame=0, until=until, checkpoint=kept,
         progress=lambda what, done, total: report(f"{scene.name}: {what}", done, total),
     )  # fmt: skip
-    write_frame(out, image=image, buffers=buffers, info=info)
+    write_frame(out, **made)
+    return made["info"].noise
+
+
+def noise_line(noise) -> str:
+    """Return the noise of a rendered frame (frame.json, `noise`) in one line."""
+    from uwsim.render import stopping
+
+    radiance = noise.pictures["radiance"]
+    asked = "" if noise.region_rule is None else f" (asked: {noise.region_rule:.2%})"
+    failed = [name for name, one in noise.pictures.items() if not one.pixel_rule_met or one.region_rule_met is False]
+    verdict = "rules met" if noise.met else f"rules NOT met by {', '.join(failed)}"
+    late = " when the time was up" if any(one.ended_by == "time" for one in noise.pictures.values()) else ""
+    return (
+        f"noise after {radiance.samples_per_pixel} samples per pixel: "
+        f"region error {radiance.region_error_p95:.2%}{asked}; {radiance.pixel_share_within:.1%} of pixels "
+        f"within {stopping.PIXEL_RATIO:g} of the sensor's noise (asked: {stopping.PIXEL_SHARE:.0%}): {verdict}{late}"
+    )
+
+
+def noisy_frames_line(dataset) -> str | None:
+    """Return in one line how many frames of a dataset do not meet their noise rules, None if all do."""
+    noisy = [info.name for info in (frame.info for frame in dataset.frames) if info.noise and not info.noise.met]
+    if not noisy:
+        return None
+    return (
+        f"{len(noisy)} of {len(dataset)} frames have more Monte-Carlo noise than their rules allow "
+        f"(frame.json, noise): {', '.join(noisy[:3])}{' ...' if len(noisy) > 3 else ''}"
+    )
 
 
 def render_geometry(scene, out: Path) -> None:
     """Cast rays and write the geometry buffers to `out`/geometry.exr; works without libLLVM."""
     from uwsim.dataset import exr
     from uwsim.dataset.frame import BUFFERS
-    from uwsim.render import film, geometry, variants
+    from uwsim.render import film, geometry, memory, variants
 
     _new_folder(out)
+    memory.require_memory(width_px=scene.rig.camera.width_px, height_px=scene.rig.camera.height_px)
     variants.use(geometry=True)
     view = film.view_of(scene)
-    buffers = geometry.geometry(scene, view, world_from_camera=scene.rig.world_from_rig)
+    buffers = geometry.geometry(scene, view)
     out.mkdir()
     exr.write(out / "geometry.exr", {name: (image, BUFFERS[name][1]) for name, image in buffers.items()})
 

@@ -64,6 +64,19 @@ def read_srgb(path: Path) -> np.ndarray:
     return np.ascontiguousarray(image[..., ::-1])
 
 
+def read_uint16(path: Path) -> np.ndarray:
+    """Read a 16-bit PNG as uint16, (H, W), or (H, W, 3) in R, G, B order; ValueError (one line) if it is none."""
+    import cv2
+
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"{path}: no such image file")
+    image = decode(path, cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16 or (image.ndim == 3 and image.shape[2] != 3):
+        raise ValueError(f"{path}: not a 16-bit PNG of 1 or 3 channels that can be read")
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
+
+
 def write_png(path: Path, image: np.ndarray) -> None:
     """Write an (H, W, 3) or (H, W) uint8 or uint16 image as PNG, atomically."""
     import cv2

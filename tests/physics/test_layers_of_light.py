@@ -8,7 +8,7 @@ from tests.references.monte_carlo import assert_mean_matches
 from uwsim.camera import pose
 from uwsim.render import film, transport
 from uwsim.render.build import build
-from uwsim.render.frame import summarise_blur
+from uwsim.render.motion import summarise_blur
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -1,11 +1,13 @@
-"""The phase function plugin samples what it states, and states what `uwsim.optics.phase` states."""
+"""The plugin of Henyey-Greenstein mixtures samples what it states, and states what `uwsim.optics.phase` states."""
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from uwsim.optics.phase_functions.henyey_greenstein import HenyeyGreenstein
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.optics.water import named_water
+from uwsim.render.phase_tables import phase_description
 
 COUNT = 400_000
 
@@ -23,17 +25,7 @@ def phase():
 def plugin(phase):
     import mitsuba as mi
 
-    from uwsim.render.shapes import tensor
-
-    return mi.load_dict(
-        {
-            "type": "hg_mixture",
-            "g": tensor(mi, phase.g),
-            "weights": tensor(mi, phase.weights),
-            "wavelength_min": float(WAVELENGTHS_NM[0]),
-            "wavelength_max": float(WAVELENGTHS_NM[-1]),
-        }
-    )
+    return mi.load_dict(phase_description(mi, phase))
 
 
 def medium_interaction(wavelength_nm, direction):
@@ -64,7 +56,8 @@ def sampled_cosines(phase, wavelength_nm):
 def expected_shares(phase, edges, wavelength_nm):
     """Share of the phase function between cosines, in closed form: the CDF of each Henyey-Greenstein term."""
     weights = phase.weights[:, list(WAVELENGTHS_NM).index(wavelength_nm)]
-    cdf = [(1 - g * g) / (2 * g) * (1 / np.sqrt(1 + g * g - 2 * g * edges) - 1 / (1 + g)) for g in phase.g]
+    cosines = [term.g for term in phase.terms]
+    cdf = [(1 - g * g) / (2 * g) * (1 / np.sqrt(1 + g * g - 2 * g * edges) - 1 / (1 + g)) for g in cosines]
     return np.diff(weights @ np.array(cdf))
 
 
@@ -77,7 +70,7 @@ def test_sampling_follows_the_density(phase, wavelength_nm):
     found = np.histogram(np.clip(cosines, -1, 1), edges)[0]
     shares = expected_shares(phase, edges, wavelength_nm)
     assert stats.chisquare(found, shares / shares.sum() * COUNT).pvalue > 1e-4
-    other = type(phase)(g=np.clip(phase.g - 0.01, -0.99, 0.99), weights=phase.weights)
+    other = type(phase)(tuple(HenyeyGreenstein(max(term.g - 0.01, -0.99)) for term in phase.terms), phase.weights)
     shares = expected_shares(other, edges, wavelength_nm)
     assert stats.chisquare(found, shares / shares.sum() * COUNT).pvalue < 1e-4
 

@@ -13,7 +13,7 @@ from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.scene import markers, truth, usaf
 from uwsim.scene.load import load_scene, scene_values
 from uwsim.scene.models import Scene
-from uwsim.scene.water import Phase
+from uwsim.scene.phase import HenyeyGreensteinPhase
 from uwsim.validation import validated
 
 SHIPPED = sorted(shipped("scenes").glob("*.toml"))
@@ -171,7 +171,7 @@ def corners_of(scene: Scene, z_depth_m: float) -> list[dict]:
     camera = scene.rig.camera
     rays = pinhole.ray_directions(camera.K, width_px=camera.width_px, height_px=camera.height_px)
     buffer = z_depth_m / rays[..., 2]
-    return truth.marker_corners(scene, world_from_camera=scene.rig.world_from_rig, range_m=buffer)
+    return truth.marker_corners(scene, range_m=buffer)
 
 
 def test_marker_corners_in_the_image_against_a_calculation_by_hand():
@@ -216,7 +216,7 @@ def test_band_coefficients_lie_within_the_spectrum_and_red_is_absorbed_most():
 
 
 def test_a_phase_function_over_wavelength():
-    mixture = Phase(g=(0.5, 0.9)).mixture((400.0, 700.0))
+    mixture = HenyeyGreensteinPhase(type="hg", g=(0.5, 0.9)).mixture((400.0, 700.0))
     assert mixture.mean_cosine == pytest.approx(np.interp(WAVELENGTHS_NM, [400, 700], [0.5, 0.9]), abs=1e-6)
 
 

@@ -6,7 +6,8 @@ from tests.physics import scenes
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.scene import truth
 from uwsim.scene.models import Scene
-from uwsim.scene.water import Phase
+from uwsim.scene.phase import MixturePhase
+from uwsim.validation import validated
 
 
 def changed(**changes):
@@ -59,7 +60,7 @@ def test_gains_are_at_least_one_so_that_saturated_pixels_are_white():
 
 def test_a_mixture_needs_a_list_of_g():
     with pytest.raises(ValueError, match="a list"):
-        Phase(type="hg_mixture", g=0.9, weights=(1.0,))
+        validated(MixturePhase, {"type": "hg_mixture", "g": 0.9, "weights": [1.0]}, where="phase")
 
 
 def test_a_lamp_in_the_pinhole_is_refused():

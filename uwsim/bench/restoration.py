@@ -5,7 +5,8 @@ What NEEDS may list:
   water                 {"absorption_per_m", "scattering_per_m", "attenuation_per_m"}: (3,) per camera band
   lamps                 list of {"name", "position_m", "direction" (both in the camera's frame),
                         "radiant_intensity_w_per_sr", "spectrum", "half_angle_deg"}
-  camera                {"K", "width_px", "height_px", "linear_per_radiance": (3,) image units per radiance}
+  camera                {"K", "width_px", "height_px", "linear_per_radiance": image units per radiance, (3,), or
+                        (H, W, 3) where the lens vignettes}
   backscatter           (H, W, 3) in the linear units of the image, without noise
   transmission          (H, W, 3), 0 where no body is seen
 """
@@ -17,7 +18,7 @@ import numpy as np
 
 from uwsim.bench import runner
 from uwsim.bench.task import Case, Task, linear_buffer, sensor_keywords
-from uwsim.camera.sensor import expose_without_noise
+from uwsim.camera.sensor import Constants, expose_without_noise
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
 from uwsim.metrics import image as image_metrics
@@ -110,14 +111,12 @@ def _lamps(frame: Frame) -> list[dict]:
 
 
 def _camera(frame: Frame) -> dict:
-    sensor = sensor_keywords(frame)
-    scale = sensor["electrons_per_radiance"] / sensor["full_well_e"] * sensor["white_balance"]
     camera = frame.info.camera
     return {
         "K": frame.K,
         "width_px": camera.width_px,
         "height_px": camera.height_px,
-        "linear_per_radiance": scale,
+        "linear_per_radiance": Constants(**sensor_keywords(frame)).linear_per_radiance,
     }
 
 

@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench.runner import Makers
+from uwsim.camera import sensor_record
 from uwsim.camera.sensor import linear_from_radiance
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
@@ -44,13 +45,11 @@ class Task:
 
 
 def sensor_keywords(frame: Frame) -> dict:
-    """Return the keywords of `camera.sensor.linear_from_radiance` and `expose_without_noise`."""
-    sensor = frame.info.sensor
-    return {
-        "electrons_per_radiance": np.array(sensor.electrons_per_radiance),
-        "full_well_e": sensor.full_well_e,
-        "white_balance": np.array(sensor.white_balance),
-    }
+    """Return the keywords of `camera.sensor`: of `linear_from_radiance`, `expose_without_noise` and the others."""
+    camera = frame.info.camera
+    return sensor_record.constants(
+        frame.info.sensor.model_dump(), K=frame.K, width_px=camera.width_px, height_px=camera.height_px
+    )
 
 
 def linear_buffer(frame: Frame, name: str) -> np.ndarray:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from uwsim.dataset import store
-from uwsim.dataset.frame import FILES, Frame, check_buffers
+from uwsim.dataset.frame import FILES, RAW, Frame, check_buffers
 
 
 def check(folder: Path, *, progress: Callable[[int, int], None] | None = None) -> int:
@@ -50,6 +50,7 @@ def check_frame(frame: Frame) -> None:
     size = (camera.height_px, camera.width_px)
     if frame.image.shape != (*size, 3):
         raise ValueError(f"{where}: image.png is {frame.image.shape[:2]}, allowed: {size} as in frame.json")
+    _check_raw(frame)
     buffers = {name: frame.buffer(name) for name in frame.buffer_names}
     check_buffers(buffers, height=size[0], width=size[1], where=where)
     seen = buffers["instance"] > 0
@@ -68,15 +69,59 @@ def check_frame(frame: Frame) -> None:
     if not np.allclose(total, buffers["radiance"], rtol=1e-5, atol=0):
         raise ValueError(f"{where}: direct, forward_scatter and backscatter do not sum to radiance")
     _check_geometry(frame, buffers, seen)
+    _check_noise(frame, buffers)
+
+
+def _check_raw(frame: Frame) -> None:
+    """Raw and picture belong together: `raw16.png`, if the frame has one, makes `image.png`."""
+    from uwsim.camera import sensor, sensor_record
+
+    camera, entry = frame.info.camera, frame.info.sensor
+    if (frame.folder / RAW).is_file() != entry.raw:
+        raise ValueError(f"{frame.folder}: {RAW} is {'missing' if entry.raw else 'there, but sensor.raw is false'}")
+    if not entry.raw:
+        return
+    constants = sensor_record.constants(
+        entry.model_dump(), K=frame.K, width_px=camera.width_px, height_px=camera.height_px
+    )
+    size = (camera.height_px, camera.width_px)
+    if frame.raw.shape[:2] != size:
+        raise ValueError(f"{frame.folder}: {RAW} is {frame.raw.shape[:2]}, allowed: {size} as in frame.json")
+    developed = sensor.picture_from_dn(frame.raw, **constants).astype(int)
+    # one level: powers of floats differ in the last digit between kinds of CPU
+    if np.abs(developed - frame.image).max() > 1:
+        raise ValueError(f"{frame.folder}: {RAW} does not make image.png")
 
 
 def _check_geometry(frame: Frame, buffers: dict[str, np.ndarray], seen: np.ndarray) -> None:
     """The two distances agree with the camera, and normals have unit length (half precision)."""
-    from uwsim.camera import pinhole
+    from uwsim.camera.lens import lens_from_record, pixel_centres
 
-    directions = pinhole.ray_directions(frame.K, width_px=seen.shape[1], height_px=seen.shape[0])
-    expected = buffers["range"][seen] * directions[..., 2][seen]
+    lens = lens_from_record(frame.info.camera.model_dump())
+    origins, directions = lens.rays(pixel_centres(width_px=seen.shape[1], height_px=seen.shape[0]))
+    expected = origins[..., 2][seen] + buffers["range"][seen] * directions[..., 2][seen]
     if not np.allclose(buffers["z_depth"][seen], expected, rtol=1e-4):
         raise ValueError(f"{frame.folder}: z_depth does not agree with range and K")
     if not np.allclose(np.linalg.norm(buffers["normal"], axis=-1)[seen], 1, atol=5e-3):
         raise ValueError(f"{frame.folder}: normals are not of unit length")
+
+
+def _check_noise(frame: Frame, buffers: dict[str, np.ndarray]) -> None:
+    """What frame.json says of the pixels' Monte-Carlo noise follows from `radiance` and `standard_error`."""
+    from uwsim.camera import sensor, sensor_record
+    from uwsim.render import stopping
+
+    camera, stated = frame.info.camera, frame.info.noise
+    if stated is None:
+        return
+    constants = sensor_record.constants(
+        frame.info.sensor.model_dump(), K=frame.K, width_px=camera.width_px, height_px=camera.height_px
+    )
+    sensor_noise = sensor.noise_std_radiance(buffers["radiance"], **constants)
+    share = stopping.share_within(stopping.pixel_ratio(buffers["standard_error"], sensor_noise))
+    # a few pixels may lie at the limit, where powers of floats differ in the last digit between kinds of CPU
+    if abs(share - stated.pictures["radiance"].pixel_share_within) > 1e-3 + 2 / buffers["range"].size:
+        raise ValueError(
+            f"{frame.folder}: {share:.4f} of the pixels are within the sensor's noise, frame.json says "
+            f"noise.pictures.radiance.pixel_share_within = {stated.pictures['radiance'].pixel_share_within:.4f}"
+        )

@@ -1,4 +1,7 @@
-"""One frame on disk: image.png, frame.exr (the truth as float images), frame.json (the truth as numbers)."""
+"""One frame on disk: image.png, frame.exr (the truth as float images), frame.json (the truth as numbers).
+
+And raw16.png, the output of the ADC, where the scene asks for it.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +18,7 @@ from uwsim.validation import validated
 
 FORMAT_VERSION = 1
 FILES = ("image.png", "frame.exr", "frame.json")
+RAW = "raw16.png"
 
 # name -> (channels, EXR sample type); FORMAT.md says what each holds
 BUFFERS = {
@@ -50,7 +54,42 @@ Matrix3 = tuple[Vector3, Vector3, Vector3]
 Spectrum = tuple[float, ...]
 
 
+class Housing(_Strict):
+    """Black cylinder from the front face backwards."""
+
+    radius_m: float
+    length_m: float
+
+
+class FlatPort(_Strict):
+    """See `uwsim.camera.flat_port`."""
+
+    kind: Literal["flat"]
+    gap_m: float
+    thickness_m: float
+    normal: Vector3
+    n_air: float
+    n_glass: float
+    n_water: float
+    glass_absorption_per_m: float
+
+
+class DomePort(_Strict):
+    """See `uwsim.camera.dome_port`."""
+
+    kind: Literal["dome"]
+    inner_radius_m: float
+    thickness_m: float
+    decentring_m: Vector3
+    n_air: float
+    n_glass: float
+    n_water: float
+    glass_absorption_per_m: float
+
+
 class Camera(_Strict):
+    """With a port, `K` and `distortion` are those of the lens in air; `uwsim.camera.lens` makes rays of them."""
+
     width_px: Annotated[int, Field(ge=1)]
     height_px: Annotated[int, Field(ge=1)]
     K: Matrix3
@@ -58,10 +97,30 @@ class Camera(_Strict):
     world_from_camera: Matrix4
     times_s: tuple[float, ...]
     world_from_camera_through_exposure: tuple[Matrix4, ...]
+    readout_s: float = 0.0
+    distortion: tuple[float, ...] = ()
+    port: Annotated[FlatPort | DomePort, Field(discriminator="kind")] | None = None
+    housing: Housing | None = None
+
+
+class Vignetting(_Strict):
+    """See `uwsim.camera.vignetting`."""
+
+    cos4: bool
+    polynomial: tuple[float, ...]
+
+
+class AutoExposure(_Strict):
+    """What auto-exposure was asked for, and the brightness that it reached."""
+
+    adjust: Literal["time", "gain"]
+    target: float
+    percentile: float | None
+    reached: float
 
 
 class Sensor(_Strict):
-    """What turns `radiance` into `image.png`; see `uwsim.camera.sensor`."""
+    """What turns `radiance` into `raw16.png` and `image.png`; see `uwsim.camera.sensor`."""
 
     exposure_time_s: float
     f_number: float
@@ -70,6 +129,34 @@ class Sensor(_Strict):
     read_noise_e: float
     white_balance: Vector3
     seed: int
+    dark_e: float = 0.0
+    prnu: float = 0.0
+    dsnu_e: float = 0.0
+    pattern_seed: int = 0
+    vignetting: Vignetting | None = None
+    gain: float = 1.0
+    gain_dn_per_e: float | None = None
+    adc_bits: Literal[8, 10, 12, 14, 16] | None = None
+    black_level_dn: int = 0
+    mosaic: Literal["RGGB", "BGGR", "GRBG", "GBRG"] | None = None
+    demosaic: Literal["bilinear", "edge_aware", "vng"] = "bilinear"
+    raw: bool = False
+    auto: AutoExposure | None = None
+
+
+class LampWindow(_Strict):
+    """Flat, or a dome about the lamp; indices relative to air. See `uwsim.optics.window`."""
+
+    kind: Literal["flat", "dome"]
+    thickness_m: float
+    n_glass: float
+    n_water: float
+    glass_absorption_per_m: float
+    calibration: Literal["bare", "through_window"]
+    air_gap_m: float | None = None
+    radius_m: float | None = None
+    inner_radius_m: float | None = None
+    half_aperture_deg: float | None = None
 
 
 class Lamp(_Strict):
@@ -82,6 +169,13 @@ class Lamp(_Strict):
     half_angle_deg: float | None
     beam_angles_deg: Spectrum | None
     beam_values: Spectrum | None
+    beam_azimuths_deg: Spectrum | None = None
+    beam_table: tuple[Spectrum, ...] | None = None
+    world_from_lamp: Matrix4 | None = None
+    world_from_leds: tuple[Matrix4, ...] | None = None
+    die_radius_m: float = 0.0
+    window: LampWindow | None = None
+    housing: Housing | None = None
 
 
 class WaterBands(_Strict):
@@ -126,6 +220,37 @@ class Blur(_Strict):
     uniform: bool
 
 
+class PictureNoise(_Strict):
+    """Monte-Carlo noise of one light picture, as `uwsim.render.stopping` measures it."""
+
+    batches: Annotated[int, Field(ge=2)]
+    samples_per_pixel: Annotated[int, Field(ge=2)]
+    ended_by: Literal["samples", "noise", "time"]
+    region_error_p95: Annotated[float, Field(ge=0)]
+    region_rule_met: bool | None
+    pixel_ratio_p95: Annotated[float, Field(ge=0)]
+    pixel_share_within: Annotated[float, Field(ge=0, le=1)]
+    pixel_rule_met: bool
+
+
+class Noise(_Strict):
+    """Whether the light pictures are good enough; `met`: every picture meets the pixel rule, and the region rule at
+    `region_rule` where that was asked for (else null)."""
+
+    region_rule: float | None
+    met: bool
+    pictures: dict[Literal["radiance", "water_free", "sharp"], PictureNoise]
+
+    @model_validator(mode="after")
+    def _agrees(self):
+        if "radiance" not in self.pictures:
+            raise ValueError(f"noise.pictures has {sorted(self.pictures)}, allowed: radiance and its twins")
+        rules = [rule for one in self.pictures.values() for rule in (one.pixel_rule_met, one.region_rule_met)]
+        if self.met != (False not in rules):
+            raise ValueError(f"noise.met is {self.met}, but the rules of the pictures are {rules}")
+        return self
+
+
 class FrameInfo(_Strict):
     """The contents of frame.json; FORMAT.md gives units and frames."""
 
@@ -137,6 +262,7 @@ class FrameInfo(_Strict):
     frame: int
     samples_per_pixel: int
     batches: int
+    noise: Noise | None = None  # null: nothing was rendered
     camera: Camera
     sensor: Sensor
     lamps: tuple[Lamp, ...]
@@ -169,6 +295,13 @@ class Frame:
     def image(self) -> np.ndarray:
         """What the camera stores, (H, W, 3) uint8 sRGB."""
         return images.read_srgb(self.folder / "image.png")
+
+    @cached_property
+    def raw(self) -> np.ndarray:
+        """The output of the ADC, uint16 [DN]: (H, W) with a mosaic, (H, W, 3) without; ValueError if it has none."""
+        if not self.info.sensor.raw:
+            raise ValueError(f"{self.folder}: no {RAW}; a scene asks for it with sensor.raw = true")
+        return images.read_uint16(self.folder / RAW)
 
     @cached_property
     def _buffers(self) -> dict[str, np.ndarray]:
@@ -208,20 +341,27 @@ def read_frame(folder: Path) -> Frame:
     return Frame(folder=Path(folder), info=read_info(Path(folder) / "frame.json"))
 
 
-def write_frame(folder: Path, *, image: np.ndarray, buffers: dict[str, np.ndarray], info: FrameInfo) -> None:
+def write_frame(
+    folder: Path, *, image: np.ndarray, buffers: dict[str, np.ndarray], info: FrameInfo, raw: np.ndarray | None = None
+) -> None:
     """Write a frame to `<folder>.partial`, then rename: `folder` is complete or absent.
 
-    `image` (H, W, 3) uint8; `buffers` by name as in BUFFERS, (H, W) or (H, W, C).
+    `image` (H, W, 3) uint8; `buffers` by name as in BUFFERS, (H, W) or (H, W, C); `raw` uint16, (H, W) or (H, W, 3),
+    if and only if `info.sensor.raw`.
     Raises ValueError on an unknown, missing, misshapen or non-finite buffer.
     """
     import shutil
 
     check_buffers(buffers, height=info.camera.height_px, width=info.camera.width_px)
+    if (raw is not None) != info.sensor.raw:
+        raise ValueError(f"{folder}: raw picture {'not ' if raw is None else ''}given, sensor.raw = {info.sensor.raw}")
     folder = Path(folder)
     partial = folder.with_name(folder.name + ".partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     images.write_png(partial / "image.png", image)
+    if raw is not None:
+        images.write_png(partial / RAW, raw)
     exr.write(partial / "frame.exr", {name: (buffers[name], BUFFERS[name][1]) for name in BUFFERS if name in buffers})
     write_json(partial / "frame.json", info.model_dump(mode="json"))
     partial.rename(folder)

@@ -1,6 +1,5 @@
 """Generate a dataset: one frame after the other, each complete or absent; interruptions change nothing."""
 
-import hashlib
 import json
 import time
 from collections.abc import Callable
@@ -12,8 +11,8 @@ from uwsim.dataset import store
 from uwsim.dataset.frame import FORMAT_VERSION, write_frame
 from uwsim.dataset.make import make_frame
 from uwsim.dataset.recipe import Recipe, draw_scene, resolved
-from uwsim.files import sha256
-from uwsim.render import shapes
+from uwsim.render import memory, shapes
+from uwsim.render.checkpoint import fingerprint
 from uwsim.scene import truth
 from uwsim.scene.models import Scene
 
@@ -35,6 +34,7 @@ def generate(
     for scene in scenes:
         truth.sensor_constants(scene)  # refuses lamps that leave a band dark
         shapes.check_files(scene)
+        memory.require_memory(width_px=scene.rig.camera.width_px, height_px=scene.rig.camera.height_px)
     manifest = _begin(recipe, scenes, Path(out), resume=resume)
     frames = Path(out) / "frames"
     frames.mkdir(exist_ok=True)
@@ -44,11 +44,11 @@ def generate(
             continue
         started = time.monotonic()
         report = None if progress is None else partial(progress, frame, recipe.frames)
-        image, buffers, info = make_frame(
+        made = make_frame(
             scene, name=folder.name, group=recipe.locate(frame)[0].name, seed=recipe.seed, frame=frame,
-            samples_per_pixel=recipe.samples_per_pixel, batches=recipe.batches, progress=report,
+            until=recipe.until, progress=report,
         )  # fmt: skip
-        write_frame(folder, image=image, buffers=buffers, info=info)
+        write_frame(folder, **made)
         _log(Path(out), frame=folder.name, seconds=round(time.monotonic() - started, 3))
     manifest |= {"complete": True, "files": store.checksums(Path(out))}
     store.write_manifest(Path(out), manifest)
@@ -63,7 +63,7 @@ def _begin(recipe: Recipe, scenes: list[Scene], out: Path, *, resume: bool) -> d
         "complete": False,
         "seed": recipe.seed,
         "recipe": resolved(recipe),
-        "scenes_sha256": _fingerprint(scenes),
+        "scenes_sha256": fingerprint(scenes),
         "versions": _versions(),
         "commit": provenance.commit(),
         "machine": _machine(),
@@ -83,18 +83,6 @@ def _begin(recipe: Recipe, scenes: list[Scene], out: Path, *, resume: bool) -> d
     out.mkdir(parents=True, exist_ok=True)
     store.write_manifest(out, manifest)
     return manifest
-
-
-def _fingerprint(scenes: list[Scene]) -> str:
-    """Return a checksum of what is rendered: the drawn scenes, with the contents of their files for their names."""
-    digest = hashlib.sha256()
-    for scene in scenes:
-        values = scene.model_dump(mode="json")
-        for body, entry in zip(scene.bodies, values["bodies"], strict=True):
-            if "file" in entry:
-                entry["file"] = sha256(body.file)
-        digest.update(json.dumps(values, sort_keys=True).encode())
-    return digest.hexdigest()
 
 
 def _remove_leftovers(out: Path) -> None:

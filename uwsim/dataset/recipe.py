@@ -13,10 +13,13 @@ from pydantic import Field, TypeAdapter, model_validator
 
 from uwsim import seeds
 from uwsim.files import find_shipped, read_toml
+from uwsim.render import stopping
 from uwsim.scene.base import Strict
 from uwsim.scene.load import scene_values
 from uwsim.scene.models import Scene
 from uwsim.validation import validated
+
+_BATCHES = 4  # of samples_per_pixel, where the recipe does not say
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
@@ -66,20 +69,52 @@ class Group(Strict):
     draw: dict[str, Annotated[Uniform | Choice, Field(discriminator="distribution")]] = {}
 
 
+class NoiseRule(Strict):
+    """Render every light picture until its Monte-Carlo noise is low enough, see `uwsim.render.stopping`.
+
+    region: relative error of region means. Single pixels must be good enough for the sensor too. A picture that is not
+    so far after `max_samples` per pixel ends there, and its frame says so.
+    """
+
+    region: Annotated[float, Field(ge=1e-4, le=0.5)]
+    max_samples: Annotated[int, Field(le=10_000_000)]
+
+    @model_validator(mode="after")
+    def _usable(self):
+        stopping.most_batches(self.max_samples)
+        return self
+
+
 class Recipe(Strict):
-    """A recipe file. Frames are numbered through the groups in order."""
+    """A recipe file. Frames are numbered through the groups in order.
+
+    What ends the render of a picture is `samples_per_pixel`, in `batches` (4), or `noise`.
+    """
 
     name: Name
     description: str
     seed: Annotated[int, Field(ge=0)]
-    samples_per_pixel: Annotated[int, Field(ge=2, le=1_000_000)]
-    batches: Annotated[int, Field(ge=2, le=64)] = 4
+    samples_per_pixel: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
+    batches: Annotated[int, Field(ge=2, le=64)] | None = None
+    noise: NoiseRule | None = None
     set: dict[str, object] = {}
     group: Annotated[tuple[Group, ...], Field(min_length=1)]
 
+    @model_validator(mode="before")
+    @classmethod
+    def _four_batches(cls, values):
+        counted = isinstance(values, dict) and "samples_per_pixel" in values
+        return {"batches": _BATCHES} | values if counted else values
+
     @model_validator(mode="after")
     def _usable(self):
-        if self.samples_per_pixel % self.batches:
+        if (self.samples_per_pixel is None) == (self.noise is None):
+            raise ValueError("give either samples_per_pixel or noise = {region, max_samples}")
+        if self.noise is not None and self.batches is not None:
+            raise ValueError(f"batches is {self.batches}, allowed: none with noise, whose batches are of fixed size")
+        if self.noise is None and self.batches is None:
+            raise ValueError("batches is null, allowed: a whole number, or no entry")
+        if self.noise is None and self.samples_per_pixel % self.batches:
             raise ValueError(
                 f"samples_per_pixel is {self.samples_per_pixel}, allowed: a multiple of batches = {self.batches}"
             )
@@ -87,6 +122,13 @@ class Recipe(Strict):
         if len(set(names)) != len(names):
             raise ValueError(f"group names {names} are not unique")
         return self
+
+    @property
+    def until(self) -> stopping.Until:
+        """What ends the render of every light picture."""
+        if self.noise is None:
+            return stopping.until(self.samples_per_pixel, self.batches, None)
+        return stopping.Until(region=self.noise.region, batches=stopping.most_batches(self.noise.max_samples))
 
     @property
     def frames(self) -> int:

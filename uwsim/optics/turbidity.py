@@ -5,6 +5,7 @@ import numpy as np
 from uwsim.optics import pure_water
 from uwsim.optics.checks import require
 from uwsim.optics.constituents import mineral_scattering_babin2003
+from uwsim.optics.phase import PhaseMixture
 from uwsim.optics.water import Water, from_constituents, petzold_mixture
 
 SCATTERING_PER_NTU_PER_M = 1.0
@@ -14,8 +15,9 @@ SCATTERING_PER_NTU_PER_M = 1.0
 def turbid_water(
     *, minerals_g_per_m3: float, mass_specific_m2_per_g: float = 0.5, albedo_550: float = 0.95,
     scattering_exponent: float = 0.7, absorption_slope_per_nm: float = 0.011,
+    particle_phase: PhaseMixture | None = None,
 ) -> Water:  # fmt: skip
-    """Return fresh water with minerals by mass; the phase function of the particles is Petzold's average.
+    """Return fresh water with minerals by mass; the phase function of the particles is by default Petzold's average.
 
     b_p(555) = b* x concentration, a_p(550) from the particles' albedo b_p / (a_p + b_p), which defaults to that of the
     tank waters: `tank_clear`, `_low`, `_medium`, `_high` are 0.27, 1.8, 5.6 and 11.2 g/m3.
@@ -33,7 +35,7 @@ def turbid_water(
         particle_albedo_550=albedo_550,
         scattering_exponent=scattering_exponent,
         absorption_slope_per_nm=absorption_slope_per_nm,
-        particle_phase=petzold_mixture("average"),
+        particle_phase=petzold_mixture("average") if particle_phase is None else particle_phase,
     )
 
 

@@ -229,12 +229,16 @@ def water_type(name: str) -> WaterType:
     return validated(WaterType, read_toml(path), where=path.name)
 
 
-def named_water(name: str, *, particle_factor: float = 1.0, source: str | None = None) -> Water:
+def named_water(
+    name: str, *, particle_factor: float = 1.0, source: str | None = None, particle_phase: PhaseMixture | None = None
+) -> Water:
     """Return a water type by name, with its particles (not the water itself) `particle_factor` times as many.
 
     `source` chooses between rival tables of a Jerlov type (`jerlov.SOURCES`). Measured waters (Jerlov, Petzold) have
-    no particles of their own to multiply.
-    Raises ValueError for an unknown name, a factor below 0 or above 1e6, or a factor or source the water does not have.
+    no particles of their own to multiply. `particle_phase` replaces the phase function of the particles; Petzold's
+    waters have one for the whole water.
+    Raises ValueError for an unknown name, a factor below 0 or above 1e6, or a factor, source or phase function of
+    particles that the water does not have.
     """
     if not 0 <= particle_factor <= _MOST_PARTICLES:
         raise ValueError(
@@ -246,19 +250,22 @@ def named_water(name: str, *, particle_factor: float = 1.0, source: str | None =
     if kind.particles is None and particle_factor != 1:
         raise ValueError(f"water {name}: particle_factor is {particle_factor}, allowed: 1 (it is a measured water)")
     if kind.jerlov is not None:
-        return jerlov_water(kind.jerlov.type, source=source)
+        return jerlov_water(kind.jerlov.type, source=source, particle_phase=particle_phase)
     if kind.petzold is not None:
+        if particle_phase is not None:
+            raise ValueError(f"water {name}: particle_phase, allowed: none (it was measured for the whole water)")
         petzold = kind.petzold
         return petzold_water(
             petzold.water, scattering_exponent=petzold.scattering_exponent,
             absorption_slope_per_nm=petzold.absorption_slope_per_nm,
         )  # fmt: skip
     particles = kind.particles
+    own_phase = phase.constant(list(kind.phase.g), list(kind.phase.weights))
     return from_constituents(
         name=name if particle_factor == 1 else f"{name} x {particle_factor:.4g}",
         particle_attenuation_550_per_m=particles.attenuation_550_per_m * particle_factor,
         particle_albedo_550=particles.albedo_550,
         scattering_exponent=particles.scattering_exponent,
         absorption_slope_per_nm=particles.absorption_slope_per_nm,
-        particle_phase=phase.constant(list(kind.phase.g), list(kind.phase.weights)),
+        particle_phase=own_phase if particle_phase is None else particle_phase,
     )

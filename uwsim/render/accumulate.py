@@ -1,67 +1,139 @@
-"""Sums of Monte-Carlo estimates over the samples of every pixel, in a fixed order.
+"""Sums of Monte-Carlo estimates over the samples of every pixel, in independent batches and a fixed order.
 
-Sums over the samples of a pixel are block sums and batches are added in order, so the result does not depend on the
-number of threads.
+Every batch has the same number of samples and seeds of its own. Sums over the samples of a pixel are block sums and
+batches are added in order, so the result depends neither on the number of threads nor on whether the sums were stored
+and taken up again in between.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from uwsim.render.film import BANDS, Film
+from uwsim.render.film import BANDS, Film, View
+from uwsim.render.stopping import region_means
 
 Progress = Callable[[int, int], None]
 # Samples that one launch may hold; bounds memory.
 _LAUNCH_SAMPLES = 1 << 22
+# Samples of one image row that are still one launch; beyond, a row's samples are split over launches.
 _ROW_SAMPLES = 1 << 24
 
 
-def accumulate(built, view, estimate, *, samples_per_pixel, batches, seed, progress):
-    """Return sums over batches of the batch means, and of their squares, of every quantity that `estimate` gives."""
-    import drjit as dr
-    import mitsuba as mi
+@dataclass
+class Sums:
+    """Sums over batches of the batch means, and of their squares.
 
-    film = Film(view)
-    per_batch = samples_per_pixel // batches
-    if view.width_px * per_batch > _ROW_SAMPLES:
-        raise ValueError(
-            f"samples_per_pixel: {samples_per_pixel} in {batches} batches makes {view.width_px * per_batch} samples "
-            f"per image row and batch, allowed: {_ROW_SAMPLES} (memory); use more batches"
-        )
-    rows = max(1, min(view.height_px, _LAUNCH_SAMPLES // (view.width_px * per_batch)))
-    launches = [(batch, top) for batch in range(batches) for top in range(0, view.height_px, rows)]
-    sums = squares = None
-    sampler = mi.load_dict({"type": "independent"})
-    for done, (batch, top) in enumerate(launches):
-        height = min(rows, view.height_px - top)
-        count = height * view.width_px * per_batch
-        launch_seed = _launch_seed(seed, batch, top)
-        sampler.seed(mi.UInt32(launch_seed), count)
-        rays, weights = film.rays(built.world_from_camera, sampler, top, per_batch, count, launch_seed)
-        values = estimate(rays, sampler)
-        bands = [[dr.block_sum(dr.mean(value * weight), per_batch) for weight in weights] for value in values]
+    sums, squares: of every quantity estimated, (quantities, H, W, 3), float64.
+    region_sums, region_squares: of the means over regions of the first quantity (see `stopping.region_means`).
+    """
+
+    batches: int
+    sums: np.ndarray
+    squares: np.ndarray
+    region_sums: np.ndarray
+    region_squares: np.ndarray
+
+    @property
+    def means(self) -> np.ndarray:
+        return self.sums / self.batches
+
+    def standard_error(self, quantity: int = 0) -> np.ndarray:
+        """Return the standard error of the mean of one quantity, (H, W, 3); at least 2 batches."""
+        mean = self.sums[quantity] / self.batches
+        return np.sqrt(np.maximum(self.squares[quantity] / self.batches - mean**2, 0) / (self.batches - 1))
+
+
+class Accumulator:
+    """Adds batches of an estimate to `sums`, which may come from before (they are changed in place)."""
+
+    def __init__(self, built, view: View, estimate, *, samples_per_batch: int, seed: int, sums: Sums | None = None):
+        import mitsuba as mi
+
+        self.built, self.view, self.estimate = built, view, estimate
+        self.samples_per_batch, self.seed, self.sums = samples_per_batch, seed, sums
+        self.launches = _launches(view, samples_per_batch)
+        self._film, self._sampler = Film(view), mi.load_dict({"type": "independent"})
+
+    @property
+    def batches(self) -> int:
+        return 0 if self.sums is None else self.sums.batches
+
+    def add_batch(self, progress: Callable[[], None] | None = None) -> None:
+        """Render one more batch; `progress` is called after each launch."""
+        batch, mean = self.batches, None
+        for top, height, share, samples in self.launches:
+            values = self._launch(_launch_seed(self.seed, batch, top, share), top, height, samples)
+            if mean is None:
+                mean = np.zeros((len(values), self.view.height_px, self.view.width_px, BANDS))
+            mean[:, top : top + height] += values * (samples / self.samples_per_batch)
+            if progress is not None:
+                progress()
+        self._add(mean)
+
+    def _launch(self, launch_seed: int, top: int, height: int, samples: int) -> np.ndarray:
+        """Return the means over `samples` per pixel of every quantity, (quantities, height, W, 3)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        count = height * self.view.width_px * samples
+        self._sampler.seed(mi.UInt32(launch_seed), count)
+        rays, weights = self._film.rays(self.built.world_from_camera, self._sampler, top, samples, count, launch_seed)
+        values = self.estimate(rays, self._sampler)
+        bands = [[dr.block_sum(dr.mean(value * weight), samples) for weight in weights] for value in values]
         dr.eval(bands)
-        means = [np.stack([band.numpy() for band in quantity], axis=-1) / per_batch for quantity in bands]
-        if sums is None:
-            sums = [np.zeros((view.height_px, view.width_px, BANDS)) for _ in means]
-            squares = [np.zeros_like(total) for total in sums]
-        for total, square, mean in zip(sums, squares, means, strict=True):
-            image = mean.reshape(height, view.width_px, BANDS).astype(np.float64)
-            total[top : top + height] += image
-            square[top : top + height] += image**2
-        if progress is not None:
-            progress(done + 1, len(launches))
-    return sums, squares
+        means = [np.stack([band.numpy() for band in quantity], axis=-1) / samples for quantity in bands]
+        return np.stack(means).reshape(len(means), height, self.view.width_px, BANDS).astype(np.float64)
+
+    def _add(self, mean: np.ndarray) -> None:
+        regions = region_means(mean[0])
+        if self.sums is None:
+            self.sums = Sums(
+                0, np.zeros_like(mean), np.zeros_like(mean), np.zeros_like(regions), np.zeros_like(regions)
+            )
+        self.sums.sums += mean
+        self.sums.squares += np.square(mean, out=mean)
+        self.sums.region_sums += regions
+        self.sums.region_squares += regions**2
+        self.sums.batches += 1
 
 
-def check_samples(samples_per_pixel: int, batches: int) -> None:
-    """Raise ValueError unless the samples can be split into at least 2 equal batches."""
-    if batches < 2 or samples_per_pixel < batches or samples_per_pixel % batches:
-        raise ValueError(
-            f"samples_per_pixel: got {samples_per_pixel} in {batches} batches, "
-            "allowed: a multiple of the batches, at least 2 of them"
-        )
+def accumulate(built, view, estimate, *, samples_per_pixel, batches, seed, progress=None) -> Sums:
+    """Return the sums of `samples_per_pixel` samples in `batches` equal batches.
+
+    estimate: (rays, sampler) -> list of spectra, one for each quantity.
+    progress: called with (launches done, launches in all).
+    """
+    accumulator = Accumulator(built, view, estimate, samples_per_batch=samples_per_pixel // batches, seed=seed)
+    done = _Counter(progress, len(accumulator.launches) * batches)
+    for _ in range(batches):
+        accumulator.add_batch(done)
+    return accumulator.sums
 
 
-def _launch_seed(seed: int, batch: int, top: int) -> int:
-    return int(np.random.SeedSequence([seed, batch, top]).generate_state(1)[0] >> 1)
+class _Counter:
+    def __init__(self, progress: Progress | None, total: int):
+        self.progress, self.done, self.total = progress, 0, total
+
+    def __call__(self) -> None:
+        self.done += 1
+        if self.progress is not None:
+            self.progress(self.done, self.total)
+
+
+def _launches(view: View, samples: int) -> list[tuple[int, int, int, int]]:
+    """Return what to launch for one batch: first row, rows, which share of the samples, samples per pixel.
+
+    Whole rows with all samples where they fit, else one row at a time with the samples in shares.
+    """
+    if view.width_px * samples <= _ROW_SAMPLES:
+        rows = max(1, min(view.height_px, _LAUNCH_SAMPLES // (view.width_px * samples)))
+        return [(top, min(rows, view.height_px - top), 0, samples) for top in range(0, view.height_px, rows)]
+    shares = -(-view.width_px * samples // _LAUNCH_SAMPLES)
+    sizes = np.diff(np.arange(min(shares, samples) + 1) * samples // min(shares, samples)).tolist()
+    return [(top, 1, share, size) for top in range(view.height_px) for share, size in enumerate(sizes)]
+
+
+def _launch_seed(seed: int, batch: int, top: int, share: int) -> int:
+    entropy = [seed, batch, top, share] if share else [seed, batch, top]
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0] >> 1)

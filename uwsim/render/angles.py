@@ -54,15 +54,13 @@ def scattering_tables(phase: PhaseMixture) -> tuple[AngleTable, AngleTable]:
     scattering angles psi from alpha on, in proportion to the phase function p(psi): the 1/d^2 of the lamp cancels
     against d(distance)/d(psi). The radiance scattered once is then in proportion to the integral of p beyond alpha,
     divided by sin alpha; the second density is that radiance over solid angle. Phase functions are averaged over
-    the wavelengths here: densities to draw from need not be exact.
+    the wavelengths here, and what a diverging peak has below the smallest bin is left out: densities to draw from need
+    not be exact.
     """
     edges = np.concatenate([[0.0], np.geomspace(_SMALLEST_RAD, np.pi, _BINS)])
     inside = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(8) + 0.5) / 8
-    # 1 - cos = 2 sin^2(angle / 2) keeps its digits near 0
-    terms = [
-        weight * (1 - g * g) / ((1 - g) ** 2 + 4 * g * np.sin(inside / 2) ** 2) ** 1.5
-        for g, weight in zip(phase.g, phase.weights.mean(axis=1), strict=True)
-    ]
+    shares = phase.weights.mean(axis=1)
+    terms = [share * term.density(inside) for term, share in zip(phase.terms, shares, strict=True)]
     along = sum(terms).mean(axis=1) * np.diff(edges)
     beyond = np.cumsum(along[::-1])[::-1]
     around = (beyond - 0.5 * along) * np.diff(edges)

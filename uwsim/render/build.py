@@ -1,15 +1,18 @@
 """A scene description as Mitsuba objects. The only place that calls `mi.load_dict` on a scene."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from uwsim.camera import pose
-from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.optics.water import Water
+from uwsim.render.phase_tables import phase_description
 from uwsim.render.shapes import body_shapes, spectrum, tensor
+from uwsim.scene.daylight import Daylight
+from uwsim.scene.lamp_window import FlatLampWindow
 from uwsim.scene.models import Scene
+from uwsim.scene.plumes import merged
 
 LEAST_ATTENUATION_PER_M = 1e-6
 
@@ -18,32 +21,44 @@ LEAST_ATTENUATION_PER_M = 1e-6
 class Built:
     """A loaded scene: `scene` (Mitsuba), poses of the camera, and the `water` around it with its Mitsuba `medium`.
 
-    `water` and `medium` are None where nothing absorbs or scatters.
+    `water` and `medium` are None where nothing absorbs or scatters. `added` holds the waters on top of it, `housings`
+    what shadows and stays black, `daylight` what comes through the surface, `particles` the ids of the shapes that are
+    no bodies but large particles.
     """
 
     scene: Any
     medium: Any
     world_from_camera: np.ndarray
     water: Water | None = None
+    added: "Added | None" = None
+    housings: Any = None
+    daylight: Daylight | None = None
+    refractive_index: float = 1.0
+    particles: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Added:
+    """Waters on top of the scene's: their shares (n, nx, ny, nz) in the cells between edges along x, y, z [m]."""
+
+    waters: tuple[Water, ...]
+    phases: tuple[Any, ...]
+    edges_m: tuple[np.ndarray, ...]
+    shares: np.ndarray
 
 
 def exposure_poses(scene: Scene, *, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (n,) [s], mid-exposure = 0, and world_from_rig (n, 4, 4) at the middle of n equal steps."""
-    times_s = ((np.arange(steps) + 0.5) / steps - 0.5) * scene.exposure.time_s
+    """Return times (n,) [s], mid-exposure = 0, and world_from_rig (n, 4, 4) at the middle of n equal steps.
+
+    The steps fill the span from the start of the first row's exposure to the end of the last one's.
+    """
+    times_s = scene.shutter.step_times_s(steps)
     return times_s, rig_poses(scene, times_s)
 
 
 def rig_poses(scene: Scene, times_s: np.ndarray) -> np.ndarray:
     """Return world_from_rig (n, 4, 4) at times relative to mid-exposure."""
-    motion = scene.rig.motion
-    if motion is None:
-        return np.tile(scene.rig.world_from_rig, (len(times_s), 1, 1))
-    return pose.through_exposure(
-        scene.rig.world_from_rig,
-        velocity_m_per_s=motion.velocity_m_per_s,
-        rotation_deg_per_s=motion.rotation_deg_per_s,
-        times_s=times_s,
-    )
+    return scene.rig.poses_at(np.asarray(times_s, float))
 
 
 def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray) -> Built:
@@ -54,16 +69,49 @@ def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray) -> Built:
     """
     import mitsuba as mi
 
+    added = None if water is None else _added(mi, scene)
     medium = load_medium(mi, water)
+    if medium is None and added is not None:
+        # an empty scene with something in it: the phase function of what scatters nothing is never asked for
+        medium = load_medium(mi, dataclasses.replace(water, absorption=water.absorption + LEAST_ATTENUATION_PER_M))
     description = {"type": "scene", "integrator": integrator_description("path" if medium is None else "volpathmis")}
     for index, lamp in enumerate(scene.rig.lamps):
-        description[f"lamp{index}"] = _lamp(mi, lamp, rig_poses)
+        description[f"lamp{index}"] = _lamp(mi, lamp, rig_poses, n_water=scene.water.refractive_index)
     return Built(
         scene=mi.load_dict(description | _bodies(mi, scene), optimize=False),
         medium=medium,
         world_from_camera=rig_poses,
         water=None if medium is None else water,
+        added=added,
+        housings=_housings(mi, scene, rig_poses),
+        daylight=scene.daylight,
+        refractive_index=scene.water.refractive_index,
     )
+
+
+def _added(mi, scene: Scene) -> Added | None:
+    if not scene.added_water:
+        return None
+    waters = tuple(added.water.optical() for added in scene.added_water)
+    edges, shares = merged(scene.added_water)
+    media = [load_medium(mi, water) for water in waters]
+    return Added(waters, tuple(medium.phase_function() for medium in media), edges, shares)
+
+
+def _housings(mi, scene: Scene, poses: np.ndarray):
+    camera = scene.rig.camera
+    fronts = [(camera.rig_from_front, camera.housing)]
+    fronts += [(lamp.rig_from_front, lamp.housing) for lamp in scene.rig.lamps]
+    cylinders = [
+        (tensor(mi, (poses @ front)[:, :3, :]), housing.radius_m, housing.length_m)
+        for front, housing in fronts
+        if housing is not None
+    ]
+    if not cylinders:
+        return None
+    from uwsim.render.housing import Housings
+
+    return Housings(cylinders)
 
 
 def build_bodies(scene: Scene) -> Any:
@@ -90,7 +138,6 @@ def load_medium(mi, water: Water | None):
     """Return the Mitsuba medium of a body of water; None where it neither absorbs nor scatters."""
     if water is None or not np.any(water.attenuation > 0):
         return None
-    low, high = float(WAVELENGTHS_NM[0]), float(WAVELENGTHS_NM[-1])
     # a ray whose wavelengths include one without any attenuation would lose its scattered light (0 x inf)
     attenuation = np.maximum(water.attenuation, LEAST_ATTENUATION_PER_M)
     return mi.load_dict(
@@ -98,13 +145,7 @@ def load_medium(mi, water: Water | None):
             "type": "homogeneous",
             "sigma_t": spectrum(attenuation),
             "albedo": spectrum(water.scattering / attenuation),
-            "phase": {
-                "type": "hg_mixture",
-                "g": tensor(mi, water.phase.g),
-                "weights": tensor(mi, water.phase.weights),
-                "wavelength_min": low,
-                "wavelength_max": high,
-            },
+            "phase": phase_description(mi, water.phase),
         }
     )
 
@@ -114,10 +155,32 @@ def integrator_description(name: str) -> dict:
     return {"type": name, "max_depth": -1, "rr_depth": 5}
 
 
-def _lamp(mi, lamp, poses: np.ndarray) -> dict:
-    return {
+def _lamp(mi, lamp, poses: np.ndarray, *, n_water: float) -> dict:
+    description = {
         "type": "led",
         "poses": tensor(mi, (poses @ lamp.rig_from_lamp)[:, :3, :]),
         "profile": tensor(mi, lamp.profile),
         "intensity": spectrum(lamp.intensity_w_per_sr * lamp.relative_spectrum, where=f"lamp {lamp.name}"),
+        "die_radius": lamp.die_radius_m,
     }
+    if lamp.array is not None:
+        description["leds"] = tensor(mi, lamp.lamp_from_led[:, :3, :])
+    if isinstance(lamp.window, FlatLampWindow):
+        description |= {
+            "window": "flat",
+            "front": lamp.window.front_m,
+            "thickness": lamp.window.thickness_m,
+            "radius": lamp.window.radius_m,
+            "n_glass": lamp.window.n_glass,
+            "n_water": n_water,
+            "glass_absorption": lamp.window.glass_absorption_per_m,
+            "through_window": lamp.window.calibration == "through_window",
+        }
+    elif lamp.window is not None:
+        description |= {
+            "window": "dome",
+            "radius": lamp.window.outer_radius_m,
+            "transmittance": lamp.window.transmittance(n_water=n_water),
+            "cos_half_aperture": float(np.cos(np.radians(lamp.window.half_aperture_deg))),
+        }
+    return description

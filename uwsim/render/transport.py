@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from uwsim.render.accumulate import Progress, accumulate, check_samples
+from uwsim.render.accumulate import Progress, Sums, accumulate
 from uwsim.render.build import Built
 from uwsim.render.film import View
 from uwsim.render.shapes import spectrum
+from uwsim.render.stopping import check_samples
 
 
 def layers(
@@ -17,17 +18,40 @@ def layers(
     `batches` independent batches with own seeds. Raises ValueError unless `samples_per_pixel` is a multiple of
     `batches` and there are at least 2 batches.
     """
-    estimate = _reference(built) if built.medium is None else _lamp_walk(built)
-    means, errors = _estimated(built, view, estimate, samples_per_pixel, batches, seed, progress)
-    parts = [mean.astype(np.float32) for mean in means[1:]] or [means[0].astype(np.float32)]
-    parts += [np.zeros_like(parts[0])] * (3 - len(parts))
-    direct, forward_scatter, backscatter = parts
-    return {
-        "direct": direct,
-        "forward_scatter": forward_scatter,
-        "backscatter": backscatter,
+    check_samples(samples_per_pixel, batches)
+    sums = accumulate(
+        built, view, estimate(built), samples_per_pixel=samples_per_pixel, batches=batches, seed=seed, progress=progress
+    )
+    return pictures(sums)
+
+
+def estimate(built: Built, *, orders: bool = False):
+    """Return the estimate, (rays, sampler) -> [radiance, its layers], whose sums `pictures` takes.
+
+    `orders`: with `integrator.ORDERS` after the layers.
+    """
+    from uwsim.render.integrator import LAYERS, LampWalk
+
+    walk = LampWalk(built)
+
+    def estimated(rays, sampler):
+        parts = walk(rays, sampler)
+        layers = parts[: len(LAYERS)]
+        return [sum(layers[1:], layers[0]), *(parts if orders else layers)]
+
+    return estimated
+
+
+def pictures(sums: Sums) -> dict[str, np.ndarray]:
+    """Return the images of `layers`, and of `integrator.ORDERS` where they were asked for, from at least 2 batches."""
+    from uwsim.render.integrator import LAYERS, ORDERS
+
+    parts = [mean.astype(np.float32) for mean in sums.means[1:]]
+    found = dict(zip((*LAYERS, *ORDERS), parts, strict=False))
+    direct, forward_scatter, backscatter = parts[: len(LAYERS)]
+    return found | {
         "radiance": direct + forward_scatter + backscatter,
-        "standard_error": errors[0].astype(np.float32),
+        "standard_error": sums.standard_error().astype(np.float32),
     }
 
 
@@ -35,36 +59,14 @@ def reference_radiance(
     built: Built, view: View, *, samples_per_pixel: int, batches: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return radiance (H, W, 3) and its standard error by Mitsuba's own integrator: slower to converge, independent."""
-    means, errors = _estimated(built, view, _reference(built), samples_per_pixel, batches, seed, None)
-    return means[0].astype(np.float32), errors[0].astype(np.float32)
+    check_samples(samples_per_pixel, batches)
+    sums = accumulate(built, view, _reference(built), samples_per_pixel=samples_per_pixel, batches=batches, seed=seed)
+    return sums.means[0].astype(np.float32), sums.standard_error().astype(np.float32)
 
 
 def _reference(built: Built):
     integrator = built.scene.integrator()
     return lambda rays, sampler: [integrator.sample(built.scene, sampler, rays, built.medium, True)[0]]
-
-
-def _lamp_walk(built: Built):
-    from uwsim.render.integrator import LampWalk
-
-    walk = LampWalk(built)
-
-    def estimate(rays, sampler):
-        direct, forward_scatter, backscatter = walk(rays, sampler)
-        return [direct + forward_scatter + backscatter, direct, forward_scatter, backscatter]
-
-    return estimate
-
-
-def _estimated(built, view, estimate, samples_per_pixel, batches, seed, progress):
-    """Return means and standard errors over batches of every quantity that `estimate` gives."""
-    check_samples(samples_per_pixel, batches)
-    sums, squares = accumulate(
-        built, view, estimate, samples_per_pixel=samples_per_pixel, batches=batches, seed=seed, progress=progress
-    )
-    means = [total / batches for total in sums]
-    variances = [np.maximum(s / batches - m**2, 0) / (batches - 1) for s, m in zip(squares, means, strict=True)]
-    return means, [np.sqrt(variance) for variance in variances]
 
 
 def transmission(
@@ -94,7 +96,5 @@ def transmission(
             seen += (reflected * dr.exp(-c * (si.t + ds.dist))) & reaches
         return [seen, unattenuated]
 
-    (seen, whole), _ = accumulate(
-        built, view, estimate, samples_per_pixel=samples_per_pixel, batches=1, seed=seed, progress=None
-    )
+    seen, whole = accumulate(built, view, estimate, samples_per_pixel=samples_per_pixel, batches=1, seed=seed).sums
     return np.where(whole > 0, seen / np.where(whole > 0, whole, 1), 0).astype(np.float32)

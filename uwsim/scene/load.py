@@ -11,9 +11,11 @@ def scene_values(name: str) -> tuple[dict, Path]:
     """Return a scene's raw values, with files made absolute, and the path they were read from."""
     path = find_shipped("scenes", name)
     values = read_toml(path)
-    for body in values.get("bodies", ()) if isinstance(values.get("bodies"), list) else ():
-        if isinstance(body, dict) and isinstance(body.get("file"), str):
-            body["file"] = str((path.parent / body["file"]).resolve())
+    rig = values.get("rig")
+    for entries, key in ((values.get("bodies"), "file"), (rig.get("lamps") if isinstance(rig, dict) else None, "ies")):
+        for entry in entries if isinstance(entries, list) else ():
+            if isinstance(entry, dict) and isinstance(entry.get(key), str):
+                entry[key] = str((path.parent / entry[key]).resolve())
     return values, path
 
 

@@ -29,11 +29,13 @@ def facts(dataset: Dataset) -> str:
     samples = sorted({info.samples_per_pixel for info in infos})
     attenuations = [info.water.bands.attenuation_per_m[1] for info in infos]
     low, high = min(attenuations), max(attenuations)
+    noise = [info.noise.met for info in infos if info.noise is not None]
     entries = [
         ("dataset", dataset.name),
         ("frames", f"{len(infos)} ({sum(info.blur is not None for info in infos)} in motion)"),
         ("size", ", ".join(sizes)),
         ("samples per pixel", ", ".join(map(str, samples))),
+        ("Monte-Carlo noise", f"low enough in {sum(noise)} of {len(noise)} frames" if noise else "not stated"),
         ("attenuation, green", f"{low:.3g} /m" if low == high else f"{low:.3g} to {high:.3g} /m"),
         ("seed", str(dataset.manifest["seed"])),
     ]

@@ -3,6 +3,8 @@
 import drjit as dr
 import mitsuba as mi
 
+from uwsim.render import spectral_shares
+
 
 class HGMixture(mi.PhaseFunction):
     """Sum of terms w_k(lambda) HG(g_k).
@@ -32,17 +34,8 @@ class HGMixture(mi.PhaseFunction):
 
     def _shares(self, wavelengths):
         """Return the shares of all terms at the ray's wavelengths, a list of spectra."""
-        scale = (self.nodes - 1) / (self.high - self.low)
-        shares = [mi.Spectrum(0.0) for _ in range(self.terms)]
-        for channel in range(len(wavelengths)):
-            position = dr.clip((wavelengths[channel] - self.low) * scale, 0, self.nodes - 1)
-            node = dr.minimum(mi.UInt32(position), self.nodes - 2)
-            fraction = position - mi.Float(node)
-            for term, share in enumerate(shares):
-                left = dr.gather(mi.Float, self.weights, term * self.nodes + node)
-                right = dr.gather(mi.Float, self.weights, term * self.nodes + node + 1)
-                share[channel] = dr.lerp(left, right, fraction)
-        return shares
+        nodes = {"nodes": self.nodes, "low_nm": self.low, "high_nm": self.high}
+        return spectral_shares.shares(self.weights, wavelengths, terms=self.terms, **nodes)
 
     def _density(self, shares, cos_angle):
         """Phase function at the cosine of the scattering angle, a spectrum [1/sr]."""
