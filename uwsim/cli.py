@@ -114,7 +114,7 @@ def schema(
     import json
 
     from uwsim.bench.definition import Definition
-    from uwsim.dataset.frame import FrameInfo
+    from uwsim.dataset.info import FrameInfo
     from uwsim.dataset.recipe import Recipe
     from uwsim.scene.models import Scene
 
@@ -188,6 +188,12 @@ def render(
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the --checkpoint.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT instead of the scene's (same field of view).")] = None,
+    orders: Annotated[
+        bool, typer.Option("--orders", help="Also direct light without scattering, and light scattered once.")
+    ] = False,
+    denoise: Annotated[
+        bool, typer.Option("--denoise", help="Denoise the scattered layers: biased, the bias is measured and stated.")
+    ] = False,
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Range, depth, normals, albedo, instances; needs no libLLVM.")
     ] = False,
@@ -200,6 +206,7 @@ def render(
     text = f"{out}: {loaded.name}, {loaded.rig.camera.width_px} x {loaded.rig.camera.height_px}"
     if geometry_only:
         light = {"samples": samples, "batches": batches, "noise": noise, "time": time, "checkpoint": checkpoint}
+        light |= {"orders": orders or None, "denoise": denoise or None}
         if given := [f"--{name}" for name, value in light.items() if value is not None]:
             raise ValueError(f"--geometry-only: got {', '.join(given)} too, allowed: no options about light")
         commands.render_geometry(loaded, out)
@@ -207,9 +214,12 @@ def render(
         return
     with _progress() as report:
         found = commands.render_scene(
-            loaded, out, until=until, seed=seed, report=report, checkpoint=checkpoint, resume=resume
-        )
-    _print(f"{text}\n{commands.noise_line(found)}")
+            loaded, out, until=until, seed=seed, report=report, checkpoint=checkpoint, resume=resume, orders=orders,
+            denoise=denoise,
+        )  # fmt: skip
+    _print(f"{text}\n{commands.noise_line(found.noise)}")
+    if line := commands.denoised_line(found.options):
+        _print(line)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 
 from uwsim.progress import Report
@@ -58,17 +59,22 @@ def until(*, samples: int | None, batches: int | None, noise: str | None, time: 
 
 
 def render_scene(
-    scene, out: Path, *, until, seed: int, report: Report, checkpoint: Path | None = None, resume: bool = False
-):
-    """Render a scene into a new frame folder `out` and return what is known of its noise (frame.json, `noise`).
+    scene, out: Path, *, until, seed: int, report: Report, checkpoint: Path | None = None, resume: bool = False,
+    orders: bool = False, denoise: bool = False,
+):  # fmt: skip
+    """Render a scene into a new frame folder `out` and return its description (frame.json).
 
     until: what ends it (`render.stopping.Until`). checkpoint: file to keep the sums in; `resume` goes on from it.
+    orders, denoise: as in `render.smooth.Options`.
     """
     from uwsim.dataset.frame import write_frame
     from uwsim.dataset.make import make_frame
     from uwsim.render import checkpoint as checkpoints
-    from uwsim.render import variants
+    from uwsim.render import smooth, variants
 
+    options = smooth.Options(orders=orders, denoise=denoise)
+    if denoise:
+        smooth.require_denoiser()
     _new_folder(out)
     if resume and checkpoint is None:
         raise ValueError("--resume: got no --checkpoint, allowed: with the --checkpoint FILE to go on from")
@@ -76,14 +82,14 @@ def render_scene(
     if checkpoint is not None:
         identity = checkpoints.identity(
             scene, seed=seed, frame=0, samples_per_batch=until.samples_per_batch, variant=variant
-        )
+        ) | {"options": ", ".join(name for name, asked in asdict(options).items() if asked) or "none"}
         kept = checkpoints.Checkpoint(checkpoint, identity=identity, resume=resume)
     made = make_frame(
-        scene, name=out.name, group="single", seed=seed, frame=0, until=until, checkpoint=kept,
+        scene, name=out.name, group="single", seed=seed, frame=0, until=until, checkpoint=kept, options=options,
         progress=lambda what, done, total: report(f"{scene.name}: {what}", done, total),
     )  # fmt: skip
     write_frame(out, **made)
-    return made["info"].noise
+    return made["info"]
 
 
 def noise_line(noise) -> str:
@@ -102,6 +108,17 @@ def noise_line(noise) -> str:
     )
 
 
+def denoised_line(options) -> str | None:
+    """Return what the denoiser did to a frame (frame.json, `options`) in one line, None if nothing was denoised."""
+    if options.denoiser is None:
+        return None
+    layers = [
+        f"{layer} {sum(bias.mean) / 3:+.2%} in the mean, {bias.region:.2%} in regions, {bias.pixel:.2%} in pixels"
+        for layer, bias in options.bias["radiance"].items()
+    ]
+    return f"denoised by {options.denoiser}; measured bias: {'; '.join(layers)}"
+
+
 def noisy_frames_line(dataset) -> str | None:
     """Return in one line how many frames of a dataset do not meet their noise rules, None if all do."""
     noisy = [info.name for info in (frame.info for frame in dataset.frames) if info.noise and not info.noise.met]
@@ -117,11 +134,12 @@ def render_geometry(scene, out: Path) -> None:
     """Cast rays and write the geometry buffers to `out`/geometry.exr; works without libLLVM."""
     from uwsim.dataset import exr
     from uwsim.dataset.frame import BUFFERS
-    from uwsim.render import film, geometry, memory, variants
+    from uwsim.render import film, geometry, memory, placement, variants
 
     _new_folder(out)
     memory.require_memory(width_px=scene.rig.camera.width_px, height_px=scene.rig.camera.height_px)
     variants.use(geometry=True)
+    placement.check(scene)
     view = film.view_of(scene)
     buffers = geometry.geometry(scene, view)
     out.mkdir()

@@ -13,13 +13,14 @@ import pytest
 
 from tests.system.broken import RECIPE, RENDER, RESTORATION, SCENE, WRONG_PLY, Case, call, picture, put
 from tests.system.broken_files import BENCHES, CHECKS, OUTPUTS, PHOTOGRAPHS
+from tests.system.broken_placement import MOTIONS, PLACEMENTS, cube
 from tests.system.broken_scenes import NAMED, RECIPES, SCENES
 from tests.unit import synthetic
 from uwsim import cli
 from uwsim.dataset.recipe import draw_scene, load_recipe
 from uwsim.files import sha256
 
-CASES = SCENES + NAMED + RECIPES + OUTPUTS + CHECKS + BENCHES + PHOTOGRAPHS
+CASES = SCENES + NAMED + RECIPES + PLACEMENTS + MOTIONS + OUTPUTS + CHECKS + BENCHES + PHOTOGRAPHS
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +108,15 @@ def test_control_what_the_cases_start_from_is_accepted(arguments, made, sound, t
     code = run_here(arguments, monkeypatch)
     assert (code, capfd.readouterr().err) == (0, "")
     assert set(listing(tmp_path)) - set(before) == made
+
+
+def test_control_one_may_be_in_a_room(sound, tmp_path, monkeypatch, capfd):
+    """The mesh around the camera that is refused with its faces outwards is accepted with its faces inwards."""
+    (case,) = (case for case in CASES if case.name == "placement camera inside, geometry")
+    prepared(case, sound, tmp_path)
+    put(tmp_path, "cube.ply", cube(outward=False))
+    monkeypatch.chdir(tmp_path)
+    assert run_here(case.arguments, monkeypatch) == 0, capfd.readouterr().err
 
 
 def test_control_the_recipe_draws_scenes(sound, monkeypatch):

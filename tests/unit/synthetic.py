@@ -11,7 +11,8 @@ import numpy as np
 
 from uwsim.camera.sensor import expose
 from uwsim.dataset import store
-from uwsim.dataset.frame import FrameInfo, write_frame
+from uwsim.dataset.frame import write_frame
+from uwsim.dataset.info import FrameInfo
 
 WIDTH_PX, HEIGHT_PX = 128, 96
 K = np.array([[120.0, 0.0, 64.0], [0.0, 120.0, 48.0], [0.0, 0.0, 1.0]])

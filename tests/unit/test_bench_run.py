@@ -9,9 +9,11 @@ import synthetic
 
 from uwsim.bench import blur, pose, restoration
 from uwsim.bench.definition import read_definition
-from uwsim.bench.records import markdown
+from uwsim.bench.records import markdown, read_result
 from uwsim.bench.run import load, run, select
 from uwsim.bench.task import spread
+from uwsim.camera.flat_port import FlatPort
+from uwsim.camera.lens import lens_from_record, port_record
 from uwsim.camera.sensor import expose_without_noise
 
 
@@ -257,6 +259,65 @@ def solve(points_m, points, **inputs):
     assert points_m.shape == (1, 8, 3)
     assert points[0] == pytest.approx(expected[:, :2], abs=1e-12)
     assert found[:3, 3] == pytest.approx(synthetic.camera_from_board()[:3, 3], abs=0.01)
+
+
+def behind_a_port(folder):
+    """Return the dataset's frame with markers, its camera behind a flat port and the true corners where it sees them.
+
+    The picture is that of the pinhole: detection is to be put in its place.
+    """
+    made = synthetic.write_dataset(folder, frames=(3,))
+    path = made.folder / "frames" / "000003" / "frame.json"
+    info = json.loads(path.read_text())
+    info["camera"]["port"] = port_record(FlatPort(gap_m=0.03, thickness_m=0.01, n_glass=1.52, n_water=1.334))
+    lens = lens_from_record(info["camera"])
+    camera_from_board = synthetic.camera_from_board()
+    for marker in info["markers"]:
+        corners_m = np.array(marker["corners_body_m"]) @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
+        marker["corners_px"] = lens.project(corners_m)[0].tolist()
+    path.write_text(json.dumps(info))
+    return made, {marker["id"]: np.array(marker["corners_px"]) for marker in info["markers"]}
+
+
+def test_behind_a_port_plain_solvers_get_a_pinhole_and_the_result_says_so(tmp_path, monkeypatch):
+    """Expected: with the lens the pose is exact, without it is off by about what the port does to a pinhole, not by the
+    third that the focal length in air would make. Control: a frame without a port has no such note."""
+    made, corners = behind_a_port(tmp_path / "port")
+    monkeypatch.setattr(pose, "detect_markers", lambda image, dictionary: corners)
+    code = """
+import numpy as np
+from uwsim.pose.refine import refine
+from uwsim.pose.solvers import opencv_sqpnp
+NEEDS = ("lens", "pixels")
+def solve(points_m, points, *, lens, pixels):
+    return refine(opencv_sqpnp.solve(points_m, points), points_m, pixels, lens=lens)
+"""
+    result = run("pose", made, algorithms=["opencv_sqpnp", user_file(tmp_path, code, "with_lens.py")])
+    error = values(result, "translation_error_percent")
+    assert error["oracle_corners"] < 1e-6
+    assert error["with_lens"] < 1e-6
+    assert 0.1 < error["opencv_sqpnp"] < 5
+    (note,) = result.provenance["cameras"]
+    assert "flat port" in note and "160.1 px (in air 120.0 px)" in note and "000003" in note
+    assert note in markdown(result)
+    assert read_result_again(result, tmp_path).provenance["cameras"] == [note]
+    plain = synthetic.write_dataset(tmp_path / "plain", frames=(3,))
+    assert run("pose", plain).provenance["cameras"] == []
+
+
+def read_result_again(result, folder):
+    result.write(folder / "result.json")
+    return read_result(folder / "result.json")
+
+
+def test_behind_a_port_image_methods_get_radiance_in_the_water(tmp_path, dataset):
+    """Expected: linear_per_radiance takes in the port's transmittance and (n_air / n_water)^2, about 0.95 / 1.334^2."""
+    made, _ = behind_a_port(tmp_path / "port")
+    camera, plain = (restoration.case(one, "000003").makers["camera"]() for one in (made, dataset))
+    assert camera["linear_per_radiance"].shape == (synthetic.HEIGHT_PX, synthetic.WIDTH_PX, 3)
+    share = camera["linear_per_radiance"][48, 64] / plain["linear_per_radiance"]
+    assert share == pytest.approx(np.full(3, 0.95 / 1.334**2), rel=0.02)
+    assert camera["K"][0, 0] == pytest.approx(1.334 * plain["K"][0, 0])
 
 
 def test_motion_truth_is_the_frames_own(dataset):

@@ -6,6 +6,7 @@ import inspect
 import numpy as np
 import pytest
 
+from uwsim.camera.lens import Lens
 from uwsim.discovery import discover, load_file, missing_packages
 from uwsim.images import linear_from_srgb_uint8
 from uwsim.motion_blur import estimators
@@ -13,6 +14,7 @@ from uwsim.pose import solvers
 from uwsim.restoration import algorithms
 
 HEIGHT_PX, WIDTH_PX = 48, 64
+LENS = Lens(K=np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]]))
 KINDS = ("srgb_uint8", "linear_float32")
 PACKAGES = {"restore": algorithms, "estimate": estimators, "solve": solvers}
 FOUND = [
@@ -66,7 +68,9 @@ def pose_inputs(target_m):
     turns = np.array([[[1.0, 0, 0], [0, -1, 0], [0, 0, -1]], [[0.8, 0, 0.6], [0, -1, 0], [0.6, 0, -0.8]]])
     camera_m = target_m @ np.swapaxes(turns, 1, 2) + [[[0.1, 0.05, 1.0]], [[-0.1, 0.0, 1.5]]]
     points = camera_m[..., :2] / camera_m[..., 2:]
-    return np.tile(target_m, (2, 1, 1)), points, {"true_points": points.copy()}
+    pixels = 400 * points + [320, 240]
+    known = {"true_points": points.copy(), "pixels": pixels, "true_pixels": pixels.copy(), "lens": LENS}
+    return np.tile(target_m, (2, 1, 1)), points, known
 
 
 def targets(module):
@@ -96,6 +100,8 @@ def assert_same(first, second, what):
         assert len(first) == len(second), what
         for one, other in zip(first, second, strict=True):
             assert_same(one, other, what)
+    elif isinstance(first, Lens):
+        assert_same((first.K, first.coefficients), (second.K, second.coefficients), what)
     else:
         assert first == second, what
 
@@ -104,7 +110,7 @@ def check_header(function, module):
     assert module.__doc__, "has no docstring"
     assert "Source:" in module.__doc__ + (inspect.getdoc(getattr(module, function)) or ""), "names no source"
     assert isinstance(module.NEEDS, tuple), "NEEDS is no tuple"
-    known = {"true_points"} if function == "solve" else set(image_inputs())
+    known = set(pose_inputs(np.zeros((4, 3)))[2]) if function == "solve" else set(image_inputs())
     assert set(module.NEEDS) <= known, "NEEDS what nobody hands in"
     if function != "solve":
         assert module.INPUT in KINDS, "INPUT is of no known kind"
@@ -148,7 +154,8 @@ def check_solve(module):
         assert_same(tuple(first), tuple(called("solve", module, points_m, points, known=known)), "differs")
         few = module.MINIMUM_POINTS - 1
         with pytest.raises(ValueError):
-            called("solve", module, points_m[:, :few], points[:, :few], known={"true_points": points[:, :few]})
+            fewer = {name: value if name == "lens" else value[:, :few] for name, value in known.items()}
+            called("solve", module, points_m[:, :few], points[:, :few], known=fewer)
 
 
 CHECKS = {"restore": check_restore, "estimate": check_estimate, "solve": check_solve}

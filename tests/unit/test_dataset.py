@@ -8,8 +8,11 @@ import pytest
 import uwsim.dataset
 from tests.unit import synthetic
 from uwsim.dataset import exr, store
-from uwsim.dataset.check import check
-from uwsim.dataset.frame import BUFFERS, FILES, check_buffers, read_frame, write_frame
+from uwsim.dataset.check import check, check_frame
+from uwsim.dataset.frame import BUFFERS, FILES, ORDERS, check_buffers, read_frame, write_frame
+from uwsim.scene import truth
+from uwsim.scene.load import scene_values
+from uwsim.scene.models import Scene
 
 SHAPE = (6, 5)
 
@@ -61,14 +64,46 @@ def test_exr_bytes_depend_on_the_content_alone(tmp_path):
 def test_a_frame_there_and_back(sound, tmp_path):
     frame = sound.frame("000002")
     buffers = {name: frame.buffer(name) for name in frame.buffer_names}
-    assert set(buffers) == set(BUFFERS)
+    assert set(buffers) == set(BUFFERS) - set(ORDERS)
     write_frame(tmp_path / "000002", image=frame.image, buffers=buffers, info=frame.info)
     again = read_frame(tmp_path / "000002")
     assert again.info == frame.info and np.array_equal(again.image, frame.image)
-    assert all(np.array_equal(again.buffer(name), buffers[name]) for name in BUFFERS)
+    assert all(np.array_equal(again.buffer(name), buffers[name]) for name in buffers)
     assert {path.name for path in again.folder.iterdir()} == set(FILES)
     with pytest.raises(ValueError, match="no buffer 'depth'; it has radiance, direct"):
         again.buffer("depth")
+
+
+def test_layers_by_order_are_there_if_and_only_if_the_options_say_so(sound, tmp_path):
+    frame = sound.frame("000002")
+    buffers = {name: frame.buffer(name) for name in frame.buffer_names}
+    shares = {"direct_unscattered": buffers["direct"], "backscatter_single": 0.5 * buffers["backscatter"]}
+    asked = frame.info.model_copy(update={"options": frame.info.options.model_copy(update={"orders": True})})
+    write_frame(tmp_path / "000002", image=frame.image, buffers=buffers | shares, info=asked)
+    check_frame(read_frame(tmp_path / "000002"))
+    for name, given, info in (("a", buffers | shares, frame.info), ("b", buffers, asked)):
+        with pytest.raises(ValueError, match="backscatter_single is .*options.orders"):
+            write_frame(tmp_path / name, image=frame.image, buffers=given, info=info)
+    too_much = buffers | shares | {"backscatter_single": 1.1 * buffers["backscatter"]}
+    write_frame(tmp_path / "more" / "000002", image=frame.image, buffers=too_much, info=asked)
+    with pytest.raises(ValueError, match="more than backscatter"):
+        check_frame(read_frame(tmp_path / "more" / "000002"))
+    with pytest.raises(ValueError, match="belong together"):
+        type(frame.info.options).model_validate({"denoiser": "some", "denoised_layers": ("backscatter",)})
+
+
+def test_water_has_bands_without_lamps():
+    """Daylight weights them then; green water is clearest where its light is strongest."""
+    values, _ = scene_values("tank_usaf")
+    lit = truth.water_bands(Scene.model_validate(values))
+    values["rig"]["lamps"] = []
+    values["daylight"] = {"sky_irradiance_w_per_m2": 100.0}
+    day = truth.water_bands(Scene.model_validate(values))
+    assert (lit["weighting"], day["weighting"]) == (
+        "camera response x lamp spectrum", "camera response x daylight spectrum"
+    )  # fmt: skip
+    np.testing.assert_allclose(day["attenuation_per_m"], lit["attenuation_per_m"], rtol=0.1)
+    assert day["attenuation_per_m"] != lit["attenuation_per_m"]
 
 
 def test_a_frame_that_is_refused_leaves_nothing(sound, tmp_path):

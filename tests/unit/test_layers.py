@@ -12,7 +12,7 @@ PACKAGE = Path(uwsim.__file__).parent
 
 LEAVES = {"images", "seeds", "discovery", "files", "provenance", "validation"}
 # the half of the dataset folder that reads and writes; whoever may read datasets may import all of it
-STORE = {"dataset.store", "dataset.frame", "dataset.exr"}
+STORE = {"dataset.store", "dataset.frame", "dataset.info", "dataset.exr"}
 
 # folder or module at the top of uwsim: what it may import beside itself and the leaves
 RULES: dict[str, set[str]] = {
@@ -35,6 +35,7 @@ RULES: dict[str, set[str]] = {
         "formation",
         "dataset.store",
         "dataset.frame",
+        "dataset.info",
         "restoration",
         "motion_blur",
         "pose",
@@ -209,7 +210,7 @@ def test_a_planted_violation_is_caught(tmp_path, file, code):
     ],
 )
 def test_an_allowed_import_passes(tmp_path, file, code):
-    stores = ("dataset/generate.py", "dataset/store.py", "dataset/frame.py", "dataset/exr.py")
+    stores = ("dataset/generate.py", "dataset/store.py", "dataset/frame.py", "dataset/info.py", "dataset/exr.py")
     others = ("optics/tables.py", "files.py", *stores)
     package = plant(tmp_path, dict.fromkeys(others, "") | {file: code})
     assert violations(package) == []

@@ -12,7 +12,7 @@ from uwsim.bench.page.kernel import kernel_drawing
 from uwsim.bench.page.plots import optical_thickness
 from uwsim.bench.report import write_report
 from uwsim.bench.run import run
-from uwsim.dataset.frame import Blur
+from uwsim.dataset.info import Blur
 
 ENVIRONMENT = {"versions": {"numpy": "2"}, "machine": {"cpu": "<one & only>", "features": ["a", "b"]}}
 VOID = {"meta", "link", "img", "input", "br", "path", "rect", "circle", "use"}

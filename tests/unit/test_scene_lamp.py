@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from uwsim.dataset import frame, make
+from uwsim.dataset import info, make
 from uwsim.optics import beam_profile, lamp
 from uwsim.scene.lamp import Lamp
 from uwsim.scene.load import load_scene, scene_values
@@ -184,8 +184,8 @@ def test_what_cannot_be_is_refused_in_one_line(changes, message):
 )
 def test_a_frame_tells_all_about_its_lamp(changes):
     described = make._lamp(lamp_with(**changes), np.eye(4), n_water=1.34)
-    read = frame.Lamp.model_validate_json(json.dumps(described))
-    assert read == frame.Lamp.model_validate(described)
+    read = info.Lamp.model_validate_json(json.dumps(described))
+    assert read == info.Lamp.model_validate(described)
     assert (read.window is None) == ("window" not in changes)
     assert read.world_from_lamp[0][3] == pytest.approx(0.2)
     assert (read.world_from_leds is None) == ("array" not in changes)
@@ -195,7 +195,7 @@ def test_a_frame_tells_all_about_its_lamp(changes):
 
 def test_a_frame_tells_the_table_of_an_ies_file(ies_file):
     described = make._lamp(lamp_with(half_angle_deg=None, ies=str(ies_file)), np.eye(4), n_water=1.34)
-    read = frame.Lamp.model_validate_json(json.dumps(described))
+    read = info.Lamp.model_validate_json(json.dumps(described))
     assert read.beam_azimuths_deg == (0, 45, 90)
     assert read.beam_angles_deg == (0, 22.5, 45, 67.5, 90)
     assert np.array(read.beam_table).shape == (3, 5)

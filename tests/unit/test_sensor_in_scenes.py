@@ -9,7 +9,8 @@ from uwsim import images
 from uwsim.bench.task import linear_buffer, sensor_keywords
 from uwsim.camera import auto_exposure, sensor, sensor_record
 from uwsim.dataset.check import check_frame
-from uwsim.dataset.frame import RAW, Vignetting, read_frame, write_frame
+from uwsim.dataset.frame import RAW, read_frame, write_frame
+from uwsim.dataset.info import Vignetting
 from uwsim.scene import truth
 from uwsim.scene.models import Scene
 from uwsim.validation import validated

@@ -1,11 +1,17 @@
 """Pose: where the camera stands to a body with markers, from the markers detected in each picture.
 
 What NEEDS may list:
-  true_points    the true normalised image points of `points_m`, shaped like `points`
+  pixels         the image points themselves, (B, n, 2) [px], pixel centres at integer + 0.5
+  lens           the camera's `uwsim.camera.lens.Lens`: its distortion, and the port in front of it
+  true_points    the true image points of `points_m`, as `points`
+  true_pixels    and as `pixels`
+
+`points` are those of a pinhole (see `bench.task`): exact for a pinhole in the water and for a distorted lens, not so
+behind a port, whose rays do not meet in one centre; a method for ports asks for `lens` and `pixels`.
 
 A case is a body with at least one marker whose corners are all visible ("000003/board" where a frame shows
-several such bodies, else "000003"). A solver gets the corners of the detected markers; a solver that is given
-`true_points` gets the visible corners of all markers instead, so what it scores does not depend on detection.
+several such bodies, else "000003"). A solver gets the corners of the detected markers; a solver that is given true
+places gets the visible corners of all markers instead, so what it scores does not depend on detection.
 `detected_percent` counts the cases with a pose; the errors are over those.
 """
 
@@ -17,8 +23,10 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench import runner
-from uwsim.bench.task import Case, Task, frame_of_case
-from uwsim.dataset.frame import Frame, FrameInfo
+from uwsim.bench.task import Case, Task, camera_notes, frame_of_case, lens_of, pinhole_points
+from uwsim.camera.lens import Lens
+from uwsim.dataset.frame import Frame
+from uwsim.dataset.info import FrameInfo
 from uwsim.dataset.store import Dataset
 from uwsim.metrics import pose as pose_metrics
 from uwsim.pose import solvers
@@ -47,6 +55,10 @@ class View:
     body: str
 
     @cached_property
+    def lens(self) -> Lens:
+        return lens_of(self.frame)
+
+    @cached_property
     def camera_from_body(self) -> np.ndarray:
         """Return the true pose at mid-exposure, (4, 4) [m]."""
         body = next(body for body in self.frame.info.bodies if body.name == self.body)
@@ -61,6 +73,9 @@ class View:
             for identity, corners in detect_markers(self.frame.image, dictionary).items():
                 found[dictionary, identity] = corners
         seen = [marker for marker in markers if (marker.dictionary, marker.id) in found]
+        found_px = [found[marker.dictionary, marker.id] for marker in seen]
+        has_rays = [bool(np.all(np.isfinite(self.normalised(corners)))) for corners in found_px]
+        seen = [marker for marker, has_ray in zip(seen, has_rays, strict=True) if has_ray]
         return _points(
             [marker.corners_body_m for marker in seen],
             [found[marker.dictionary, marker.id] for marker in seen],
@@ -77,9 +92,8 @@ class View:
         return _points(body, true, true)
 
     def normalised(self, points_px: np.ndarray) -> np.ndarray:
-        """Return pixels (n, 2) as points on the plane z = 1 of the camera."""
-        homogeneous = np.column_stack([points_px, np.ones(len(points_px))])
-        return np.linalg.solve(self.frame.K, homogeneous.T).T[:, :2]
+        """Return pixels (n, 2) as points on the plane z = 1 of the pinhole that the camera is taken for."""
+        return pinhole_points(points_px, self.lens)
 
     def _markers(self) -> list:
         return [marker for marker in self.frame.info.markers if marker.body == self.body]
@@ -112,13 +126,23 @@ def case(dataset: Dataset, name: str) -> Case:
     frame = dataset.frame(frame_of_case(name))
     body = name.partition("/")[2] or bodies_in_view(frame.info)[0]
     view = View(frame=frame, body=body)
-    makers = {"true_points": lambda: view.normalised(view.visible.true_px)[None]}
-    return Case(name=name, image=frame.image, makers=makers, truth=view)
+    return Case(name=name, image=frame.image, makers={}, truth=view)
 
 
 def points_for(given: tuple[str, ...], view: View) -> Points:
     """Return the corners that a solver works on."""
-    return view.visible if "true_points" in given else view.detected
+    return view.visible if set(given) & {"true_points", "true_pixels"} else view.detected
+
+
+def makers(given: tuple[str, ...], view: View) -> runner.Makers:
+    """Return what a solver may ask for beside the points that it works on."""
+    points = points_for(given, view)
+    return {
+        "pixels": lambda: points.image_px[None],
+        "lens": lambda: lens_of(view.frame),
+        "true_points": lambda: view.normalised(points.true_px)[None],
+        "true_pixels": lambda: points.true_px[None],
+    }
 
 
 def solved(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> tuple[np.ndarray | None, float]:
@@ -129,7 +153,8 @@ def solved(module: ModuleType, name: str, given: tuple[str, ...], case: Case) ->
         return None, math.nan
     solution, elapsed_ms = runner.timed(
         runner.entry(module, name, "solve"), points.body_m[None].copy(),
-        case.truth.normalised(points.image_px)[None], where=where, **runner.permitted(given, case.makers),
+        case.truth.normalised(points.image_px)[None], where=where,
+        **runner.permitted(given, makers(given, case.truth)),
     )  # fmt: skip
     return _pose(solution, where), elapsed_ms
 
@@ -172,9 +197,10 @@ TASK = Task(
     name="pose",
     package=solvers,
     function="solve",
-    inputs=("true_points",),
+    inputs=("pixels", "lens", "true_points", "true_pixels"),
     statistics=STATISTICS,
     case_names=case_names,
     case=case,
     score=score,
+    notes=camera_notes,
 )

@@ -144,6 +144,7 @@ def markdown(result: Result) -> str:
             lines.append(_row([name, ", ".join(row[0].given) or "-", *(text(record) for record in row)]))
         caption = f"{result.benchmark}, {case} cases" if case != "all" else result.benchmark
         parts.append(f"### {caption}\n\n" + "\n".join(lines) + "\n")
+    parts += [f"Note: {text}.\n" for text in result.provenance.get("cameras", [])]
     return "\n".join(parts)
 
 

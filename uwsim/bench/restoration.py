@@ -3,10 +3,11 @@
 What NEEDS may list:
   range_m, z_depth_m    (H, W) [m], +inf where no body is seen
   water                 {"absorption_per_m", "scattering_per_m", "attenuation_per_m"}: (3,) per camera band
-  lamps                 list of {"name", "position_m", "direction" (both in the camera's frame),
-                        "radiant_intensity_w_per_sr", "spectrum", "half_angle_deg"}
-  camera                {"K", "width_px", "height_px", "linear_per_radiance": image units per radiance, (3,), or
-                        (H, W, 3) where the lens vignettes}
+  lamps                 list of the `lamps` of frame.json, {"name", "position_m", "direction" (both in the camera's
+                        frame), "radiant_intensity_w_per_sr", "spectrum", "half_angle_deg", "window", ...}
+  camera                {"K", "width_px", "height_px", "linear_per_radiance": image units per radiance in the water,
+                        (3,), or (H, W, 3) behind a port or where the lens vignettes}; K is that of a pinhole in the
+                        water, behind a port that of the effective focal length (see `bench.task`)
   backscatter           (H, W, 3) in the linear units of the image, without noise
   transmission          (H, W, 3), 0 where no body is seen
 """
@@ -17,7 +18,8 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench import runner
-from uwsim.bench.task import Case, Task, linear_buffer, sensor_keywords
+from uwsim.bench.task import Case, Task, camera_notes, lens_of, linear_buffer, pinhole_K, sensor_keywords
+from uwsim.camera.lens import pixel_centres
 from uwsim.camera.sensor import Constants, expose_without_noise
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
@@ -111,13 +113,15 @@ def _lamps(frame: Frame) -> list[dict]:
 
 
 def _camera(frame: Frame) -> dict:
-    camera = frame.info.camera
+    camera, lens = frame.info.camera, lens_of(frame)
+    linear = Constants(**sensor_keywords(frame)).linear_per_radiance
+    if lens.port is not None:
+        centres = pixel_centres(width_px=camera.width_px, height_px=camera.height_px)
+        # pixels that no ray through the port reaches are black
+        linear = linear * np.nan_to_num(lens.radiance_factor(centres))[..., None]
     return {
-        "K": frame.K,
-        "width_px": camera.width_px,
-        "height_px": camera.height_px,
-        "linear_per_radiance": Constants(**sensor_keywords(frame)).linear_per_radiance,
-    }
+        "K": pinhole_K(lens), "width_px": camera.width_px, "height_px": camera.height_px, "linear_per_radiance": linear
+    }  # fmt: skip
 
 
 TASK = Task(
@@ -129,4 +133,5 @@ TASK = Task(
     case_names=case_names,
     case=case,
     score=score,
+    notes=camera_notes,
 )

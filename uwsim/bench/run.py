@@ -49,7 +49,7 @@ def run(
     for summary, scores in summaries.items():
         for algorithm in chosen:
             records += _summary(task, summary, algorithm, scores.get(algorithm.name, []))
-    origin = _provenance(definition, dataset, quick=quick, cases=len(cases))
+    origin = _provenance(definition, dataset, quick=quick, cases=len(cases)) | {"cameras": task.notes(dataset, cases)}
     return Result(benchmark=title, provenance=origin, records=tuple(records))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from uwsim.dataset import store
-from uwsim.dataset.frame import FILES, RAW, Frame, check_buffers
+from uwsim.dataset.frame import FILES, RAW, Frame, check_buffers, check_options
 
 
 def check(folder: Path, *, progress: Callable[[int, int], None] | None = None) -> int:
@@ -53,6 +53,7 @@ def check_frame(frame: Frame) -> None:
     _check_raw(frame)
     buffers = {name: frame.buffer(name) for name in frame.buffer_names}
     check_buffers(buffers, height=size[0], width=size[1], where=where)
+    check_options(buffers, frame.info, where)
     seen = buffers["instance"] > 0
     if np.any(np.isfinite(buffers["range"]) != seen):
         raise ValueError(f"{where}: range and instance disagree about where a body is seen")
@@ -68,8 +69,19 @@ def check_frame(frame: Frame) -> None:
     total = buffers["direct"] + buffers["forward_scatter"] + buffers["backscatter"]
     if not np.allclose(total, buffers["radiance"], rtol=1e-5, atol=0):
         raise ValueError(f"{where}: direct, forward_scatter and backscatter do not sum to radiance")
+    _check_orders(frame, buffers)
     _check_geometry(frame, buffers, seen)
     _check_noise(frame, buffers)
+
+
+def _check_orders(frame: Frame, buffers: dict[str, np.ndarray]) -> None:
+    """A share of a layer is not more than the layer, unless the layer alone was denoised."""
+    for name, layer in (("direct_unscattered", "direct"), ("backscatter_single", "backscatter")):
+        if name not in buffers or layer in frame.info.options.denoised_layers:
+            continue
+        beyond = buffers[name] > buffers[layer] * (1 + 1e-5)
+        if buffers[name].min() < 0 or np.any(beyond):
+            raise ValueError(f"{frame.folder}: {name} is below 0 or more than {layer} in {np.sum(beyond)} values")
 
 
 def _check_raw(frame: Frame) -> None:

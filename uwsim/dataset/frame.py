@@ -6,13 +6,12 @@ And raw16.png, the output of the ADC, where the scene asks for it.
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim import images
 from uwsim.dataset import exr
+from uwsim.dataset.info import FrameInfo
 from uwsim.files import read_json, write_json
 from uwsim.validation import validated
 
@@ -37,247 +36,12 @@ BUFFERS = {
     "sharp": (3, "float"),
     "flow_start": (2, "half"),
     "flow_end": (2, "half"),
+    "direct_unscattered": (3, "float"),
+    "backscatter_single": (3, "float"),
 }
-REQUIRED = tuple(name for name in BUFFERS if name not in ("sharp", "flow_start", "flow_end"))
 MOTION = ("sharp", "flow_start", "flow_end")
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-Vector3 = tuple[float, float, float]
-Vector2 = tuple[float, float]
-Row4 = tuple[float, float, float, float]
-Matrix4 = tuple[Row4, Row4, Row4, Row4]
-Matrix3 = tuple[Vector3, Vector3, Vector3]
-Spectrum = tuple[float, ...]
-
-
-class Housing(_Strict):
-    """Black cylinder from the front face backwards."""
-
-    radius_m: float
-    length_m: float
-
-
-class FlatPort(_Strict):
-    """See `uwsim.camera.flat_port`."""
-
-    kind: Literal["flat"]
-    gap_m: float
-    thickness_m: float
-    normal: Vector3
-    n_air: float
-    n_glass: float
-    n_water: float
-    glass_absorption_per_m: float
-
-
-class DomePort(_Strict):
-    """See `uwsim.camera.dome_port`."""
-
-    kind: Literal["dome"]
-    inner_radius_m: float
-    thickness_m: float
-    decentring_m: Vector3
-    n_air: float
-    n_glass: float
-    n_water: float
-    glass_absorption_per_m: float
-
-
-class Camera(_Strict):
-    """With a port, `K` and `distortion` are those of the lens in air; `uwsim.camera.lens` makes rays of them."""
-
-    width_px: Annotated[int, Field(ge=1)]
-    height_px: Annotated[int, Field(ge=1)]
-    K: Matrix3
-    response: str
-    world_from_camera: Matrix4
-    times_s: tuple[float, ...]
-    world_from_camera_through_exposure: tuple[Matrix4, ...]
-    readout_s: float = 0.0
-    distortion: tuple[float, ...] = ()
-    port: Annotated[FlatPort | DomePort, Field(discriminator="kind")] | None = None
-    housing: Housing | None = None
-
-
-class Vignetting(_Strict):
-    """See `uwsim.camera.vignetting`."""
-
-    cos4: bool
-    polynomial: tuple[float, ...]
-
-
-class AutoExposure(_Strict):
-    """What auto-exposure was asked for, and the brightness that it reached."""
-
-    adjust: Literal["time", "gain"]
-    target: float
-    percentile: float | None
-    reached: float
-
-
-class Sensor(_Strict):
-    """What turns `radiance` into `raw16.png` and `image.png`; see `uwsim.camera.sensor`."""
-
-    exposure_time_s: float
-    f_number: float
-    electrons_per_radiance: Vector3
-    full_well_e: float
-    read_noise_e: float
-    white_balance: Vector3
-    seed: int
-    dark_e: float = 0.0
-    prnu: float = 0.0
-    dsnu_e: float = 0.0
-    pattern_seed: int = 0
-    vignetting: Vignetting | None = None
-    gain: float = 1.0
-    gain_dn_per_e: float | None = None
-    adc_bits: Literal[8, 10, 12, 14, 16] | None = None
-    black_level_dn: int = 0
-    mosaic: Literal["RGGB", "BGGR", "GRBG", "GBRG"] | None = None
-    demosaic: Literal["bilinear", "edge_aware", "vng"] = "bilinear"
-    raw: bool = False
-    auto: AutoExposure | None = None
-
-
-class LampWindow(_Strict):
-    """Flat, or a dome about the lamp; indices relative to air. See `uwsim.optics.window`."""
-
-    kind: Literal["flat", "dome"]
-    thickness_m: float
-    n_glass: float
-    n_water: float
-    glass_absorption_per_m: float
-    calibration: Literal["bare", "through_window"]
-    air_gap_m: float | None = None
-    radius_m: float | None = None
-    inner_radius_m: float | None = None
-    half_aperture_deg: float | None = None
-
-
-class Lamp(_Strict):
-    name: str
-    position_m: Vector3
-    direction: Vector3
-    radiant_intensity_w_per_sr: float
-    spectrum: str
-    relative_spectrum_per_nm: Spectrum
-    half_angle_deg: float | None
-    beam_angles_deg: Spectrum | None
-    beam_values: Spectrum | None
-    beam_azimuths_deg: Spectrum | None = None
-    beam_table: tuple[Spectrum, ...] | None = None
-    world_from_lamp: Matrix4 | None = None
-    world_from_leds: tuple[Matrix4, ...] | None = None
-    die_radius_m: float = 0.0
-    window: LampWindow | None = None
-    housing: Housing | None = None
-
-
-class WaterBands(_Strict):
-    weighting: str
-    absorption_per_m: Vector3
-    scattering_per_m: Vector3
-    attenuation_per_m: Vector3
-
-
-class Water(_Strict):
-    name: str
-    wavelengths_nm: Spectrum
-    absorption_per_m: Spectrum
-    scattering_per_m: Spectrum
-    phase_function: dict
-    bands: WaterBands
-
-
-class Body(_Strict):
-    name: str
-    kind: str
-    instance: int
-    world_from_body: Matrix4
-
-
-class Marker(_Strict):
-    body: str
-    dictionary: str
-    id: int
-    corners_body_m: tuple[Vector3, Vector3, Vector3, Vector3]
-    corners_world_m: tuple[Vector3, Vector3, Vector3, Vector3]
-    corners_px: tuple[Vector2, Vector2, Vector2, Vector2] | None
-    visible: tuple[bool, bool, bool, bool]
-
-
-class Blur(_Strict):
-    """Motion of the image during the exposure: medians over the pixels that see a body."""
-
-    length_px: float
-    angle_deg: float
-    spread_px: float
-    uniform: bool
-
-
-class PictureNoise(_Strict):
-    """Monte-Carlo noise of one light picture, as `uwsim.render.stopping` measures it."""
-
-    batches: Annotated[int, Field(ge=2)]
-    samples_per_pixel: Annotated[int, Field(ge=2)]
-    ended_by: Literal["samples", "noise", "time"]
-    region_error_p95: Annotated[float, Field(ge=0)]
-    region_rule_met: bool | None
-    pixel_ratio_p95: Annotated[float, Field(ge=0)]
-    pixel_share_within: Annotated[float, Field(ge=0, le=1)]
-    pixel_rule_met: bool
-
-
-class Noise(_Strict):
-    """Whether the light pictures are good enough; `met`: every picture meets the pixel rule, and the region rule at
-    `region_rule` where that was asked for (else null)."""
-
-    region_rule: float | None
-    met: bool
-    pictures: dict[Literal["radiance", "water_free", "sharp"], PictureNoise]
-
-    @model_validator(mode="after")
-    def _agrees(self):
-        if "radiance" not in self.pictures:
-            raise ValueError(f"noise.pictures has {sorted(self.pictures)}, allowed: radiance and its twins")
-        rules = [rule for one in self.pictures.values() for rule in (one.pixel_rule_met, one.region_rule_met)]
-        if self.met != (False not in rules):
-            raise ValueError(f"noise.met is {self.met}, but the rules of the pictures are {rules}")
-        return self
-
-
-class FrameInfo(_Strict):
-    """The contents of frame.json; FORMAT.md gives units and frames."""
-
-    format: Literal[1]
-    name: str
-    group: str
-    scene: str
-    seed: int
-    frame: int
-    samples_per_pixel: int
-    batches: int
-    noise: Noise | None = None  # null: nothing was rendered
-    camera: Camera
-    sensor: Sensor
-    lamps: tuple[Lamp, ...]
-    water: Water
-    bodies: tuple[Body, ...]
-    markers: tuple[Marker, ...]
-    blur: Blur | None
-
-    @model_validator(mode="after")
-    def _spectra_agree(self):
-        water = self.water
-        lengths = {len(water.wavelengths_nm), len(water.absorption_per_m), len(water.scattering_per_m)}
-        if len(lengths) != 1:
-            raise ValueError(f"water spectra differ in length: {sorted(lengths)}")
-        return self
+ORDERS = ("direct_unscattered", "backscatter_single")
+REQUIRED = tuple(name for name in BUFFERS if name not in (*MOTION, *ORDERS))
 
 
 @dataclass(frozen=True)
@@ -353,6 +117,7 @@ def write_frame(
     import shutil
 
     check_buffers(buffers, height=info.camera.height_px, width=info.camera.width_px)
+    check_options(buffers, info)
     if (raw is not None) != info.sensor.raw:
         raise ValueError(f"{folder}: raw picture {'not ' if raw is None else ''}given, sensor.raw = {info.sensor.raw}")
     folder = Path(folder)
@@ -374,9 +139,9 @@ def check_buffers(buffers: dict[str, np.ndarray], *, height: int, width: int, wh
     """
     unknown = set(buffers) - set(BUFFERS)
     missing = set(REQUIRED) - set(buffers)
-    moving = set(MOTION) & set(buffers)
-    if moving and moving != set(MOTION):
-        missing |= set(MOTION) - moving
+    for together in (set(MOTION), set(ORDERS)):
+        if together & set(buffers):
+            missing |= together - set(buffers)
     if unknown or missing:
         raise ValueError(f"{where}: buffers unknown {sorted(unknown)}, missing {sorted(missing)}")
     for name, values in buffers.items():
@@ -387,3 +152,12 @@ def check_buffers(buffers: dict[str, np.ndarray], *, height: int, width: int, wh
         allowed = np.isfinite(values) | (np.isposinf(values) if name in ("range", "z_depth") else False)
         if not np.all(allowed):
             raise ValueError(f"{where}: {name} holds {np.sum(~allowed)} non-finite values")
+
+
+def check_options(buffers: dict[str, np.ndarray], info: FrameInfo, where: str = "frame") -> None:
+    """Raise ValueError unless the frame has what its `options` say."""
+    if ("backscatter_single" in buffers) != info.options.orders:
+        got = "there" if "backscatter_single" in buffers else "missing"
+        raise ValueError(
+            f"{where}: backscatter_single is {got}, frame.json says options.orders = {info.options.orders}"
+        )

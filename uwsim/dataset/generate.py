@@ -11,7 +11,7 @@ from uwsim.dataset import store
 from uwsim.dataset.frame import FORMAT_VERSION, write_frame
 from uwsim.dataset.make import make_frame
 from uwsim.dataset.recipe import Recipe, draw_scene, resolved
-from uwsim.render import memory, shapes
+from uwsim.render import memory, placement, shapes, smooth
 from uwsim.render.checkpoint import fingerprint
 from uwsim.scene import truth
 from uwsim.scene.models import Scene
@@ -30,10 +30,13 @@ def generate(
 
     Every scene is drawn and checked before the first is rendered. Raises ValueError in one line.
     """
+    if recipe.denoise:
+        smooth.require_denoiser()
     scenes = [draw_scene(recipe, frame, where=where) for frame in range(recipe.frames)]
     for scene in scenes:
         truth.sensor_constants(scene)  # refuses lamps that leave a band dark
         shapes.check_files(scene)
+        placement.check(scene)
         memory.require_memory(width_px=scene.rig.camera.width_px, height_px=scene.rig.camera.height_px)
     manifest = _begin(recipe, scenes, Path(out), resume=resume)
     frames = Path(out) / "frames"
@@ -46,7 +49,7 @@ def generate(
         report = None if progress is None else partial(progress, frame, recipe.frames)
         made = make_frame(
             scene, name=folder.name, group=recipe.locate(frame)[0].name, seed=recipe.seed, frame=frame,
-            until=recipe.until, progress=report,
+            until=recipe.until, progress=report, options=recipe.options,
         )  # fmt: skip
         write_frame(folder, **made)
         _log(Path(out), frame=folder.name, seconds=round(time.monotonic() - started, 3))

@@ -1,39 +1,48 @@
 """Make one frame of a scene: render it, expose the sensor, describe it."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 
 import numpy as np
 
 from uwsim import seeds
 from uwsim.camera import sensor, sensor_record
 from uwsim.camera.lens import port_record
-from uwsim.dataset.frame import FORMAT_VERSION, FrameInfo
+from uwsim.dataset.frame import FORMAT_VERSION
+from uwsim.dataset.info import FrameInfo
 from uwsim.optics import phase
 from uwsim.optics.spectrum import WAVELENGTHS_NM
-from uwsim.render import stopping
+from uwsim.render import smooth, stopping
 from uwsim.render.checkpoint import Checkpoint
 from uwsim.render.frame import Rendered, render_frame
 from uwsim.scene import truth
+from uwsim.scene.bodies import MarineSnow, numbered
 from uwsim.scene.models import Scene
 from uwsim.scene.sensor import AutoTime
 
+_NOTHING_MORE = smooth.Options()
 _POSES = 17  # poses stored per frame in motion, both ends and the middle included
 
 
 def make_frame(
     scene: Scene, *, name: str, group: str, seed: int, frame: int, samples_per_pixel: int | None = None,
     batches: int | None = None, until: stopping.Until | None = None, checkpoint: Checkpoint | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Callable[[str, int, int], None] | None = None, options: smooth.Options = _NOTHING_MORE,
 ) -> dict:  # fmt: skip
     """Return one frame as the keywords of `write_frame`.
 
     `image` (H, W, 3) uint8, `raw` (uint16 or None), `buffers` (truth images by name), `info` (the description).
     (seed, frame) name the random streams, so that a frame can be made again alone.
-    Given are `samples_per_pixel` in equal `batches`, or `until`; see `render.rounds` for `checkpoint`.
+    Given are `samples_per_pixel` in equal `batches`, or `until`; see `render.rounds` for `checkpoint`, `render.smooth`
+    for `options`.
     """
+    if options.denoise:
+        smooth.require_denoiser()
     until = stopping.until(samples_per_pixel, batches, until)
     truth.sensor_constants(scene)  # first: it may refuse the scene
-    rendered = render_frame(scene, until=until, seed=seed, frame=frame, checkpoint=checkpoint, progress=progress)
+    rendered = render_frame(
+        scene, until=until, seed=seed, frame=frame, checkpoint=checkpoint, progress=progress, options=options
+    )
     noise_seed = seeds.integer(seed, frame, "sensor")
     exposed, reached = _exposed(scene, rendered)
     constants = truth.sensor_constants(exposed)
@@ -41,7 +50,7 @@ def make_frame(
     image, raw = _pictures(rendered.buffers["radiance"], constants, noise_seed=noise_seed, raw=scene.sensor.raw)
     info = _describe(
         exposed, rendered, _sensor(exposed, constants, noise_seed=noise_seed, reached=reached),
-        name=name, group=group, seed=seed, frame=frame, **_noise(rendered, until),
+        name=name, group=group, seed=seed, frame=frame, **_noise(rendered, until), options=_options(rendered, options),
     )  # fmt: skip
     return {"image": image, "raw": raw, "buffers": rendered.buffers, "info": info}
 
@@ -51,7 +60,7 @@ def _noise(rendered: Rendered, until: stopping.Until) -> dict:
     pictures = {
         name: {
             "batches": ended.noise.batches,
-            "samples_per_pixel": ended.noise.batches * until.samples_per_batch,
+            "samples_per_pixel": ended.samples_per_pixel,
             "ended_by": ended.by,
             "region_error_p95": ended.noise.region_error_p95,
             "region_rule_met": None if until.region is None else ended.noise.region_rule_met(until.region),
@@ -67,6 +76,19 @@ def _noise(rendered: Rendered, until: stopping.Until) -> dict:
         "samples_per_pixel": radiance["samples_per_pixel"],
         "batches": radiance["batches"],
         "noise": {"region_rule": until.region, "met": met, "pictures": pictures},
+    }
+
+
+def _options(rendered: Rendered, options: smooth.Options) -> dict:
+    """Return the entry of frame.json on what the frame has on request."""
+    if not options.denoise:
+        return {"orders": options.orders}
+    biases = {name: ended.bias for name, ended in rendered.ended.items() if ended.bias}
+    return {
+        "orders": options.orders,
+        "denoiser": smooth.denoiser_name(),
+        "denoised_layers": smooth.DENOISED,
+        "bias": {name: {layer: asdict(bias) for layer, bias in layers.items()} for name, layers in biases.items()},
     }
 
 
@@ -99,24 +121,31 @@ def _sensor(scene: Scene, constants: dict, *, noise_seed: int, reached: float | 
 
 
 def _describe(scene: Scene, rendered: Rendered, sensor_entry: dict, **identity) -> FrameInfo:
-    world_from_camera = scene.rig.world_from_rig
+    world_from_camera, camera = scene.rig.world_from_rig, _camera(scene, rendered)
     return FrameInfo.model_validate(
         {
             "format": FORMAT_VERSION,
             "scene": scene.name,
             **identity,
-            "camera": _camera(scene, rendered),
+            "camera": camera,
             "sensor": sensor_entry,
             "lamps": [_lamp(lamp, world_from_camera, n_water=scene.water.refractive_index) for lamp in scene.rig.lamps],
             "water": _water(scene),
-            "bodies": [
-                {"name": b.name, "kind": b.kind, "instance": i, "world_from_body": b.world_from_body.tolist()}
-                for i, b in enumerate(scene.bodies, start=1)
-            ],
+            "bodies": [_body(body, instance, camera["times_s"]) for instance, body in numbered(scene.bodies)],
+            "particles": [body.model_dump(mode="json") for body in scene.bodies if isinstance(body, MarineSnow)],
+            "sub_frames": rendered.sub_frames,
             "markers": truth.marker_corners(scene, range_m=rendered.buffers["range"]),
             "blur": rendered.blur,
         }
     )
+
+
+def _body(body, instance: int, times_s: list[float]) -> dict:
+    path = body.poses_at(np.array(times_s)).tolist() if body.moves else None
+    return {
+        "name": body.name, "kind": body.kind, "instance": instance, "world_from_body": body.world_from_body.tolist(),
+        "world_from_body_through_exposure": path,
+    }  # fmt: skip
 
 
 def _camera(scene: Scene, rendered: Rendered) -> dict:

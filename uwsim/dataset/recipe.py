@@ -13,7 +13,7 @@ from pydantic import Field, TypeAdapter, model_validator
 
 from uwsim import seeds
 from uwsim.files import find_shipped, read_toml
-from uwsim.render import stopping
+from uwsim.render import smooth, stopping
 from uwsim.scene.base import Strict
 from uwsim.scene.load import scene_values
 from uwsim.scene.models import Scene
@@ -88,7 +88,8 @@ class NoiseRule(Strict):
 class Recipe(Strict):
     """A recipe file. Frames are numbered through the groups in order.
 
-    What ends the render of a picture is `samples_per_pixel`, in `batches` (4), or `noise`.
+    What ends the render of a picture is `samples_per_pixel`, in `batches` (4), or `noise`. `orders`: frames also have
+    `direct_unscattered` and `backscatter_single`; `denoise`: scattered light denoised, biased (`uwsim.render.smooth`).
     """
 
     name: Name
@@ -97,6 +98,8 @@ class Recipe(Strict):
     samples_per_pixel: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
     batches: Annotated[int, Field(ge=2, le=64)] | None = None
     noise: NoiseRule | None = None
+    orders: bool = False
+    denoise: bool = False
     set: dict[str, object] = {}
     group: Annotated[tuple[Group, ...], Field(min_length=1)]
 
@@ -129,6 +132,11 @@ class Recipe(Strict):
         if self.noise is None:
             return stopping.until(self.samples_per_pixel, self.batches, None)
         return stopping.Until(region=self.noise.region, batches=stopping.most_batches(self.noise.max_samples))
+
+    @property
+    def options(self) -> smooth.Options:
+        """What every frame has on request."""
+        return smooth.Options(orders=self.orders, denoise=self.denoise)
 
     @property
     def frames(self) -> int:

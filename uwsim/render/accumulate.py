@@ -45,14 +45,20 @@ class Sums:
 
 
 class Accumulator:
-    """Adds batches of an estimate to `sums`, which may come from before (they are changed in place)."""
+    """Adds batches of an estimate to `sums`, which may come from before (they are changed in place).
+
+    Where bodies move, every batch runs through all sub-frames with equally many samples: `samples_per_batch` is then
+    what was asked for, raised to a multiple of their number.
+    """
 
     def __init__(self, built, view: View, estimate, *, samples_per_batch: int, seed: int, sums: Sums | None = None):
         import mitsuba as mi
 
         self.built, self.view, self.estimate = built, view, estimate
-        self.samples_per_batch, self.seed, self.sums = samples_per_batch, seed, sums
-        self.launches = _launches(view, samples_per_batch)
+        self.parts = 1 if built.sub_frames is None else built.sub_frames.count
+        per_part = -(-samples_per_batch // self.parts)
+        self.samples_per_batch, self.seed, self.sums = per_part * self.parts, seed, sums
+        self.launches = [(part, *launch) for part in range(self.parts) for launch in _launches(view, per_part)]
         self._film, self._sampler = Film(view), mi.load_dict({"type": "independent"})
 
     @property
@@ -61,9 +67,12 @@ class Accumulator:
 
     def add_batch(self, progress: Callable[[], None] | None = None) -> None:
         """Render one more batch; `progress` is called after each launch."""
-        batch, mean = self.batches, None
-        for top, height, share, samples in self.launches:
-            values = self._launch(_launch_seed(self.seed, batch, top, share), top, height, samples)
+        batch, mean, shown = self.batches, None, None
+        for part, top, height, share, samples in self.launches:
+            if self.parts > 1 and part != shown:
+                self.built.sub_frames.show(part)
+                shown = part
+            values = self._launch(batch, part, top, height, share, samples)
             if mean is None:
                 mean = np.zeros((len(values), self.view.height_px, self.view.width_px, BANDS))
             mean[:, top : top + height] += values * (samples / self.samples_per_batch)
@@ -71,15 +80,18 @@ class Accumulator:
                 progress()
         self._add(mean)
 
-    def _launch(self, launch_seed: int, top: int, height: int, samples: int) -> np.ndarray:
+    def _launch(self, batch: int, part: int, top: int, height: int, share: int, samples: int) -> np.ndarray:
         """Return the means over `samples` per pixel of every quantity, (quantities, height, W, 3)."""
         import drjit as dr
         import mitsuba as mi
 
         count = height * self.view.width_px * samples
-        self._sampler.seed(mi.UInt32(launch_seed), count)
-        rays, weights = self._film.rays(self.built.world_from_camera, self._sampler, top, samples, count, launch_seed)
-        values = self.estimate(rays, self._sampler)
+        self._sampler.seed(mi.UInt32(_launch_seed(self.seed, batch, top, share, part)), count)
+        rays, weights, sets = self._film.rays(
+            self.built.world_from_camera, self._sampler, top, samples, count,
+            _launch_seed(self.seed, batch, top, share), part=part, parts=self.parts,
+        )  # fmt: skip
+        values = self.estimate(rays, self._sampler, sets)
         bands = [[dr.block_sum(dr.mean(value * weight), samples) for weight in weights] for value in values]
         dr.eval(bands)
         means = [np.stack([band.numpy() for band in quantity], axis=-1) / samples for quantity in bands]
@@ -101,7 +113,7 @@ class Accumulator:
 def accumulate(built, view, estimate, *, samples_per_pixel, batches, seed, progress=None) -> Sums:
     """Return the sums of `samples_per_pixel` samples in `batches` equal batches.
 
-    estimate: (rays, sampler) -> list of spectra, one for each quantity.
+    estimate: (rays, sampler, sets) -> list of spectra, one for each quantity.
     progress: called with (launches done, launches in all).
     """
     accumulator = Accumulator(built, view, estimate, samples_per_batch=samples_per_pixel // batches, seed=seed)
@@ -134,6 +146,6 @@ def _launches(view: View, samples: int) -> list[tuple[int, int, int, int]]:
     return [(top, 1, share, size) for top in range(view.height_px) for share, size in enumerate(sizes)]
 
 
-def _launch_seed(seed: int, batch: int, top: int, share: int) -> int:
-    entropy = [seed, batch, top, share] if share else [seed, batch, top]
+def _launch_seed(seed: int, batch: int, top: int, share: int, part: int = 0) -> int:
+    entropy = [seed, batch, top, share, part] if part else [seed, batch, top, share] if share else [seed, batch, top]
     return int(np.random.SeedSequence(entropy).generate_state(1)[0] >> 1)

@@ -24,7 +24,12 @@ class AngleTable:
         self.log_step = float((np.log(edges[-1]) - self.log_first) / (self.bins - 1))
         self.edges = mi.Float(edges.astype(np.float32))
         self.beyond = mi.Float(beyond.astype(np.float32))
-        self.heights = mi.Float((mass / np.diff(edges)).astype(np.float32))
+        heights = mass / np.diff(edges)
+        self.heights = mi.Float(heights.astype(np.float32))
+        # as that of a phase function p along a ray: p is the density over this, and all that arrives around a source
+        solid = 2 * np.pi * np.sum(heights * -np.diff(np.cos(edges)))
+        self.phase_norm = dr.opaque(mi.Float, float(1 / solid))
+        self.all_around = dr.opaque(mi.Float, float(2 * np.pi * np.sum((beyond[:-1] - 0.5 * mass) * np.diff(edges))))
 
     def _bin(self, angle):
         index = dr.floor((dr.log(dr.maximum(angle, 1e-12)) - self.log_first) / self.log_step)
@@ -33,6 +38,10 @@ class AngleTable:
     def density(self, angle):
         """Density at an angle. [1/rad]"""
         return dr.gather(mi.Float, self.heights, self._bin(angle))
+
+    def phase(self, angle):
+        """Phase function in proportion to the density, 1 over the sphere. [1/sr]"""
+        return self.density(angle) * self.phase_norm
 
     def mass_beyond(self, angle):
         """Probability of a larger angle."""
@@ -65,3 +74,44 @@ def scattering_tables(phase: PhaseMixture) -> tuple[AngleTable, AngleTable]:
     beyond = np.cumsum(along[::-1])[::-1]
     around = (beyond - 0.5 * along) * np.diff(edges)
     return AngleTable(edges, along), AngleTable(edges, around)
+
+
+def place_by_angle(table: AngleTable, source, ray, length, uniform, active):
+    """Return a distance along a ray up to `length`, drawn by scattering angle about a source, and its density [1/m].
+
+    `table` of the phase function along the ray. The density is 0 where there is no place.
+    """
+    reach, along, apart = _triangle(source, ray)
+    nearest, low, high, farthest = _masses(table, along, apart, length)
+    angle = table.angle_with_mass_beyond(dr.lerp(low, high, uniform))
+    angle = dr.clip(angle, nearest, farthest)
+    usable = active & (high > low) & (angle < dr.pi - 1e-5)
+    # law of sines in the triangle of ray, source and place of scattering
+    distance = dr.select(usable, reach * dr.sin(angle - nearest) / dr.sin(angle), 0.0)
+    distance = dr.clip(distance, 0.0, dr.select(dr.isfinite(length), length, dr.largest(mi.Float)))
+    # d(distance) / d(angle) = d^2 / apart
+    squared = dr.square(apart) + dr.square(along - distance)
+    return distance, dr.select(usable, table.density(angle) / (high - low) * apart / squared, 0.0)
+
+
+def angle_density(table: AngleTable, source, ray, length, distance, active):
+    """Return the density of `place_by_angle` at a distance along the ray. [1/m]"""
+    _, along, apart = _triangle(source, ray)
+    _, low, high, _ = _masses(table, along, apart, length)
+    squared = dr.square(apart) + dr.square(along - distance)
+    angle = dr.atan2(apart, along - distance)
+    return dr.select(active & (high > low), table.density(angle) / (high - low) * apart / squared, 0.0)
+
+
+def _triangle(source, ray):
+    """Return the distance of a source from the start of a ray, along it, and apart from it."""
+    offset = source - ray.o
+    reach = dr.norm(offset)
+    return reach, dr.dot(offset, ray.d), dr.maximum(dr.norm(dr.cross(offset, ray.d)), 1e-7 * reach)
+
+
+def _masses(table, along, apart, length):
+    """Return the smallest scattering angle on a ray, the masses beyond the largest and it, and the largest."""
+    nearest = dr.atan2(apart, along)
+    farthest = dr.select(dr.isfinite(length), dr.atan2(apart, along - length), dr.pi)
+    return nearest, table.mass_beyond(farthest), table.mass_beyond(nearest), farthest

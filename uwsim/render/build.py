@@ -1,20 +1,23 @@
 """A scene description as Mitsuba objects. The only place that calls `mi.load_dict` on a scene."""
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from uwsim.camera import pose
 from uwsim.optics.water import Water
 from uwsim.render.phase_tables import phase_description
-from uwsim.render.shapes import body_shapes, spectrum, tensor
+from uwsim.render.shapes import body_shapes, snow_shape, spectrum, tensor
+from uwsim.render.sub_frames import SubFrames
+from uwsim.scene.bodies import MarineSnow, numbered
 from uwsim.scene.daylight import Daylight
 from uwsim.scene.lamp_window import FlatLampWindow
 from uwsim.scene.models import Scene
 from uwsim.scene.plumes import merged
 
 LEAST_ATTENUATION_PER_M = 1e-6
+_TIMES_OF_SNOW = 33  # at which particles in the way of lamps and camera are looked for
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Built:
 
     `water` and `medium` are None where nothing absorbs or scatters. `added` holds the waters on top of it, `housings`
     what shadows and stays black, `daylight` what comes through the surface, `particles` the ids of the shapes that are
-    no bodies but large particles.
+    no bodies but large particles, `sub_frames` where the bodies are in the parts of the exposure (None: at rest).
     """
 
     scene: Any
@@ -35,6 +38,7 @@ class Built:
     daylight: Daylight | None = None
     refractive_index: float = 1.0
     particles: tuple[str, ...] = ()
+    sub_frames: SubFrames | None = None
 
 
 @dataclass(frozen=True)
@@ -61,24 +65,24 @@ def rig_poses(scene: Scene, times_s: np.ndarray) -> np.ndarray:
     return scene.rig.poses_at(np.asarray(times_s, float))
 
 
-def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray) -> Built:
+def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray, sub_frames: int = 1) -> Built:
     """Load a scene into the active Mitsuba variant.
 
-    water: what fills the world, None for none (absorption = scattering = 0).
+    water: what fills the world, None for none (absorption = scattering = 0) and no particles in it.
     rig_poses: world_from_rig (n, 4, 4) through the exposure.
+    sub_frames: in how many parts of the exposure bodies in motion stand where they then are; 1: as at mid-exposure.
     """
     import mitsuba as mi
 
     added = None if water is None else _added(mi, scene)
-    medium = load_medium(mi, water)
-    if medium is None and added is not None:
-        # an empty scene with something in it: the phase function of what scatters nothing is never asked for
-        medium = load_medium(mi, dataclasses.replace(water, absorption=water.absorption + LEAST_ATTENUATION_PER_M))
+    medium = load_medium(mi, water, even_if_empty=added is not None)  # an empty scene may have something in it
     description = {"type": "scene", "integrator": integrator_description("path" if medium is None else "volpathmis")}
     for index, lamp in enumerate(scene.rig.lamps):
         description[f"lamp{index}"] = _lamp(mi, lamp, rig_poses, n_water=scene.water.refractive_index)
+    snow = {} if water is None else _snow(mi, scene)
+    loaded = mi.load_dict(description | _bodies(mi, scene) | snow, optimize=False)
     return Built(
-        scene=mi.load_dict(description | _bodies(mi, scene), optimize=False),
+        scene=loaded,
         medium=medium,
         world_from_camera=rig_poses,
         water=None if medium is None else water,
@@ -86,6 +90,8 @@ def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray) -> Built:
         housings=_housings(mi, scene, rig_poses),
         daylight=scene.daylight,
         refractive_index=scene.water.refractive_index,
+        particles=tuple(snow),
+        sub_frames=_sub_frames(scene, loaded, count=sub_frames),
     )
 
 
@@ -124,9 +130,56 @@ def build_bodies(scene: Scene) -> Any:
 def _bodies(mi, scene: Scene) -> dict:
     return {
         f"body{index}_{part}": shape
-        for index, body in enumerate(scene.bodies, start=1)
+        for index, body in numbered(scene.bodies)
         for part, shape in body_shapes(mi, body).items()
     }
+
+
+def openings(scene: Scene, *, rig_poses: np.ndarray) -> np.ndarray:
+    """Return where light leaves lamps and enters the camera, in the world for rig poses (n, 4, 4): (n, points, 3) [m].
+
+    The lamps' front faces with LEDs and domes, the camera's port or pinhole: middles and edges.
+    """
+    camera = scene.rig.camera
+    pixels = np.array([[x, y] for x in (0, 0.5, 1) for y in (0, 0.5, 1)]) * (camera.width_px, camera.height_px)
+    origins = scene.lens.rays(pixels)[0]
+    points = [origins[np.all(np.isfinite(origins), axis=-1)]]
+    for lamp in scene.rig.lamps:
+        radius, up = lamp.front_radius_m, lamp.dome_radius_m
+        edge = [[radius, 0, 0], [-radius, 0, 0], [0, radius, 0], [0, -radius, 0]] if radius > 0 else []
+        points.append(pose.apply(lamp.rig_from_front, np.array([[0, 0, up], *edge], float)))
+    return np.stack([pose.apply(at, np.concatenate(points)) for at in rig_poses])
+
+
+def _snow(mi, scene: Scene) -> dict:
+    """Return the particles by shape id, without those in the way of the rig's openings during the exposure."""
+    shapes = {}
+    for index, snow in enumerate(body for body in scene.bodies if isinstance(body, MarineSnow)):
+        times_s = scene.shutter.step_times_s(_TIMES_OF_SNOW) if scene.moves else np.zeros(1)
+        at = openings(scene, rig_poses=rig_poses(scene, times_s))
+        in_cloud = [
+            pose.apply(cloud_from_world, points)
+            for cloud_from_world, points in zip(pose.inverse(snow.poses_at(times_s)), at, strict=True)
+        ]
+        shape = snow_shape(mi, snow, openings_m=np.stack(in_cloud))
+        if shape is not None:
+            shapes[f"snow{index}"] = shape
+    return shapes
+
+
+def _sub_frames(scene: Scene, loaded, *, count: int) -> SubFrames | None:
+    if count == 1:
+        return None
+    prefixes = {f"body{index}_": body for index, body in numbered(scene.bodies)}
+    clouds = [body for body in scene.bodies if isinstance(body, MarineSnow)]
+    prefixes |= {f"snow{index}": cloud for index, cloud in enumerate(clouds)}
+    times_s, moves = scene.shutter.step_times_s(count), {}
+    for prefix, body in prefixes.items():
+        if body.moves:
+            then = body.poses_at(times_s) @ pose.inverse(body.world_from_body)
+            names = (shape.id() for shape in loaded.shapes())
+            moves |= {name: then for name in names if name == prefix or name.startswith(prefix) and prefix[-1] == "_"}
+    return SubFrames(loaded, moves) if moves else None
 
 
 def body_number(shape_id: str) -> int:
@@ -134,9 +187,9 @@ def body_number(shape_id: str) -> int:
     return int(shape_id.removeprefix("body").partition("_")[0])
 
 
-def load_medium(mi, water: Water | None):
+def load_medium(mi, water: Water | None, *, even_if_empty: bool = False):
     """Return the Mitsuba medium of a body of water; None where it neither absorbs nor scatters."""
-    if water is None or not np.any(water.attenuation > 0):
+    if water is None or not (even_if_empty or np.any(water.attenuation > 0)):
         return None
     # a ray whose wavelengths include one without any attenuation would lose its scattered light (0 x inf)
     attenuation = np.maximum(water.attenuation, LEAST_ATTENUATION_PER_M)

@@ -5,11 +5,11 @@ A path is followed from the camera. Every segment of it brings, without waiting 
   - light scattered once between lamp and segment, at a scattering angle drawn from the phase function: the 1/d^2 of the
     lamp cancels, so that passing close to a lamp is no rare, huge event (see `angles`), and
   - the sky where it ends at the water surface.
-Then the path collides in the water or reaches the body. From there one more segment is drawn around the lamps and the
-sun, as light arrives that was scattered near them, for what is scattered on it once; the path itself goes on as the
-event chooses, and the two share that light by the balance heuristic. A path sees a lamp of finite size, or of several
-LEDs, through one point of it; over many paths that is the whole lamp. All orders of scattering, unbiased; the layers
-are sums over the same paths.
+Then the path collides in the water or reaches the body, and goes on in a direction drawn partly as the event itself
+would choose it and partly as light arrives that was scattered near a lamp or near the sun's direction. Light that
+particles send to bodies far from the lamps is found from the lamps' side instead (see `lamp_side`). A path
+sees a lamp of finite size, or of several LEDs, through one point of it; over many paths that is the whole lamp. All
+orders of scattering, unbiased; the layers are sums over the same paths.
 
 Source: next-event estimation and multiple importance sampling (Veach 1997, chapter 9), over wavelengths too
 (Wilkie et al. 2014, Comput. Graph. Forum 33:123); the change of variables of Kulla & Fajardo 2012 (Comput. Graph. Forum
@@ -20,8 +20,10 @@ Valid: bodies without extinction of their own, opaque to light; a flat water sur
 import drjit as dr
 import mitsuba as mi
 
-from uwsim.render.angles import scattering_tables
+from uwsim.render.angles import angle_density, place_by_angle, scattering_tables
 from uwsim.render.build import Built
+from uwsim.render.lamp_side import Emission, LampSide
+from uwsim.render.medium import pick
 from uwsim.render.world import World
 
 LAYERS = ("direct", "forward_scatter", "backscatter")
@@ -32,8 +34,10 @@ MOST_SEGMENTS = 1 << 20  # of a path, from the camera; 1 keeps what was scattere
 
 _WAVELENGTHS = 4
 _FIRST_COLLISION = 0.5  # least probability of a collision before the body that the camera sees
+_DEEP = 2.5  # optical distance of a body from the lamps beyond which scattered light is found from the lamps' side
+_GUIDED_IN_WATER = 0.2  # share of directions drawn around the lamps and the sun
+_GUIDED_AT_BODY = 0.5
 _ROULETTE_DEPTH = 5
-EXTRA, TURN_WATER, TURN_AHEAD, TURN_BODY, AHEAD = 1.0, 0.2, 0.0, 0.5, 0.88
 _TINY = 1e-7
 
 
@@ -46,10 +50,16 @@ class LampWalk:
         self.guides = len(self.world.lamps) + (self.world.sun is not None) if self.medium is not None else 0
         if self.medium is not None:
             self.along, self.around = scattering_tables(built.water.phase)
+            self.emissions = [Emission(light.lamp) for light in self.world.lamps if light.surface is None]
 
     @dr.syntax
-    def __call__(self, rays, sampler):
-        """Return the radiance of each ray by LAYERS, then by ORDERS, as spectra."""
+    def __call__(self, rays, sampler, sets=None):
+        """Return the radiance of each ray by LAYERS, then by ORDERS, as spectra.
+
+        sets: times and wavelengths that rays share (`film.Sets`); with them light that reaches bodies by way of
+        particles comes by paths from the lamps (see `lamp_side`), without them by those from the camera alone.
+        """
+        lamp_side = self._lamp_side(sets)
         world, medium = self.world, self.medium
         k = None if medium is None else medium.coefficients(rays.wavelengths)
         state = sampler.next_2d()  # the point of the lamps that this path sees
@@ -59,9 +69,9 @@ class LampWalk:
         direct, forward, backward = mi.Spectrum(0.0), mi.Spectrum(0.0), mi.Spectrum(0.0)
         unscattered, single = mi.Spectrum(0.0), mi.Spectrum(0.0)
         throughput = mi.Spectrum(1.0)  # weight of what the next segment brings
-        share = mi.Float(1.0)  # and of what is scattered on it once: the rest came by the guided segment
         from_body = mi.Bool(False)  # the last event before the camera was a body
         met_body = mi.Bool(False)  # some event was a body
+        served = mi.Bool(False)  # what particles send to the last body has been brought
         depth, active = mi.UInt32(0), mi.Bool(True)
 
         while active:
@@ -72,19 +82,30 @@ class LampWalk:
 
             # ---- what the segment brings, by layer ----
             first = depth == 0
-            reflected = throughput * passed * self._reflected(met, k, state, met.body)
-            entering = throughput * passed * self._sky(ray, met.surface)
+            arrived = throughput * passed
+            reflected = arrived * self._reflected(met, k, state, met.body)
+            entering = arrived * self._sky(ray, met.surface)
             entering += dr.select(first, self._lamps_seen(ray, met.length, k, active & first), 0.0)
-            scattered = throughput * share * self._scattered_once(ray, met.length, k, state, sampler, active)
+            unscattered += dr.select(first & ~met.particle, reflected, 0.0) + dr.select(first, entering, 0.0)
+            single += dr.select(first & met.particle, reflected, 0.0)
+            adrift = active
+            deep = mi.Bool(False)
+            if dr.hint(lamp_side is not None, mode="scalar"):
+                # what particles send to a deep body is brought here: no segment behind it may bring it again
+                deep = met.body & self._deep(met.si, k, state, met.body)
+                reflected += arrived * lamp_side.reflected(met, k, sampler, deep)
+                reflected += arrived * self._reflected_once(met.si, ray, k, state, sampler, deep)
+                adrift = active & ~served
+            scattered = throughput * self._scattered_once(ray, met.length, k, state, sampler, adrift)
+            single += dr.select(first, scattered, 0.0)
             seen = dr.select(met.particle, 0.0, reflected)
             scattered += reflected - seen
             directly = first | from_body
-            direct += dr.select(directly, seen + entering, 0.0)
-            unscattered += dr.select(first, seen + entering, 0.0)
-            single += dr.select(first, scattered, 0.0)
             # the sky comes in by a particle where the last event was one
             scattered += dr.select(directly, 0.0, entering)
-            forward += dr.select(directly, 0.0, seen)
+            direct += dr.select(directly, seen + entering, 0.0) + dr.select(from_body, scattered, 0.0)
+            forward += dr.select(directly, 0.0, seen) + dr.select(met_body & ~from_body, scattered, 0.0)
+            backward += dr.select(met_body | from_body, 0.0, scattered)
 
             # ---- the event: a collision in the water, or the end of the segment ----
             collides, place = mi.Bool(False), ray(dr.select(dr.isfinite(met.length), met.length, 0.0))
@@ -93,33 +114,27 @@ class LampWalk:
                 raised = dr.maximum(collision, _FIRST_COLLISION)
                 collision = dr.select(met.body & first & (collision > 0), raised, collision)
                 collides = active & (sampler.next_1d(active) < collision)
-                distance, survived, density = self._collision(ray, met.length, passed, k, sampler, collides)
+                distance, survived, density = medium.draw_distance(
+                    k, ray, met.length, 1 - passed, _channel(sampler.next_1d(active)), sampler.next_1d(active), collides
+                )
                 in_water = survived / dr.maximum(density * collision, 1e-30)
                 throughput *= dr.select(collides, in_water, passed / dr.maximum(1 - collision, _TINY))
                 place = dr.select(collides, ray(distance), place)
             at_body = met.body & ~collides
             reflects = met.surface & ~collides
-            at_particle = collides | (at_body & met.particle)
-
-            # ---- light scattered once on a segment towards the lamps, which no chance event would find ----
-            event = _Event(self, _water(place, ray), met.si, at_body, collides, k)
-            guided = mi.Spectrum(0.0)
-            if dr.hint(self.guides > 0 and EXTRA > 0, mode="scalar"):
-                guided = throughput * self._guided(event, state, sampler)
-            body_first = from_body | (first & ~at_particle)
-            body_met = met_body | ~at_particle
-            direct += dr.select(from_body, scattered, 0.0) + dr.select(body_first, guided, 0.0)
-            forward += dr.select(met_body & ~from_body, scattered, 0.0) + dr.select(body_met & ~body_first, guided, 0.0)
-            backward += dr.select(met_body | from_body, 0.0, scattered) + dr.select(body_met, 0.0, guided)
 
             # ---- the direction in which the path goes on ----
-            direction, weight, share = self._onwards(event, state, sampler)
+            event = _Event(medium, _water(place, ray), met.si, at_body, collides, k)
+            guided = dr.select(at_body, mi.Float(_GUIDED_AT_BODY), _GUIDED_IN_WATER)
+            served = dr.select(at_body, deep, served)
+            guided = dr.select(served, 0.0, guided)
+            direction, weight = self._onwards(event, state, sampler, guided)
             origin = event.origin(direction)
             if dr.hint(world.surface is not None, mode="scalar"):
                 mirror = world.surface.reflectance(ray.d.z)
                 reflects &= sampler.next_1d(active) < mirror
                 direction = dr.select(reflects, mi.Vector3f(ray.d.x, ray.d.y, -ray.d.z), direction)
-                weight, share = dr.select(reflects, 1.0, weight), dr.select(reflects, 1.0, share)
+                weight = dr.select(reflects, 1.0, weight)
                 origin.z = dr.select(reflects, dr.minimum(origin.z, -1e-6), origin.z)
             throughput *= weight
             active &= collides | at_body | reflects
@@ -135,6 +150,22 @@ class LampWalk:
 
         return [direct, forward, backward, unscattered, single]
 
+    def _lamp_side(self, sets):
+        """Return light traced from the lamps at the times and wavelengths of the rays; None where paths alone must do."""
+        # light that the water surface reflects on its way to a body is not found from the lamps' side
+        if sets is None or self.medium is None or not self.world.lamps or self.world.surface is not None:
+            return None
+        if MOST_SEGMENTS == 1:
+            return None
+        return LampSide(self.world, self.emissions, (self.along, self.around), sets)
+
+    def _deep(self, si, k, state, active):
+        """Whether a body is optically so far from all lamps that paths from it hardly find them."""
+        nearest = mi.Float(dr.inf)
+        for light in self.world.lamps:
+            nearest = dr.minimum(nearest, dr.norm(light.source(si, state, active) - si.p))
+        return dr.mean(k.c) * nearest > _DEEP
+
     def _reflected(self, met, k, state, active):
         """Radiance that a body sends back along the ray of light straight from lamps and sun."""
         total = mi.Spectrum(0.0)
@@ -144,6 +175,16 @@ class LampWalk:
             bsdf = met.si.bsdf().eval(mi.BSDFContext(), met.si, met.si.to_local(came.direction), came.visible)
             total += dr.select(came.visible, bsdf * came.irradiance * dr.exp(-came.depth), 0.0)
         return total
+
+    def _reflected_once(self, si, ray, k, state, sampler, active):
+        """Radiance that a body sends back of light that particles scattered once on its way from the lamps."""
+        event = _Event(self.medium, _water(si.p, ray), si, active, mi.Bool(False), k)
+        direction, weight = self._onwards(event, state, sampler, mi.Float(_GUIDED_AT_BODY))
+        active = active & (dr.max(weight) > 0)  # not in place: that would change the caller's mask
+        onwards = mi.Ray3f(event.origin(direction), direction, ray.time, ray.wavelengths)
+        length = self.world.meet(onwards, active).length
+        once = self._scattered_once(onwards, length, k, state, sampler, active)
+        return dr.select(active, weight * once, 0.0)
 
     def _sky(self, ray, active):
         if self.world.surface is None:
@@ -164,7 +205,7 @@ class LampWalk:
         if self.medium is None:
             return total
         for light in self.world.lamps:
-            distance, density = self._place_by_angle(light, ray, length, state, sampler.next_1d(active), active)
+            distance, density = self._place_by_angle(light, ray, length, state, sampler, active)
             total += self._scattered_at(ray, distance, density, light, k, state, active)
         if self.world.sun is not None:
             distance, density = self._place_in_sun(ray, length, k, sampler, active)
@@ -182,23 +223,19 @@ class LampWalk:
         value = spread * came.irradiance * dr.exp(-own - came.depth) / dr.maximum(density, 1e-30)
         return dr.select(usable, value, 0.0)
 
-    def _place_by_angle(self, light, ray, length, state, uniform, active):
-        """Return a distance along a segment, drawn by scattering angle about a lamp, and its density; 0 for none."""
-        offset = light.source(_water(ray.o, ray), state, active) - ray.o
-        apart, along = dr.maximum(dr.norm(dr.cross(offset, ray.d)), _TINY * dr.norm(offset)), dr.dot(offset, ray.d)
-        nearest = dr.atan2(apart, along)  # scattering angle at the start of the segment, the smallest
-        farthest = dr.select(dr.isfinite(length), dr.atan2(apart, along - length), dr.pi)
-        low, high = self.along.mass_beyond(farthest), self.along.mass_beyond(nearest)
-        angle = self.along.angle_with_mass_beyond(dr.lerp(low, high, uniform))
-        angle = dr.clip(angle, nearest, farthest)
-        usable = active & (high > low) & (angle < dr.pi - 1e-5)
-        # law of sines in the triangle of segment start, lamp and place of scattering
-        distance = dr.select(usable, dr.norm(offset) * dr.sin(angle - nearest) / dr.sin(angle), 0.0)
-        distance = dr.clip(distance, 0.0, dr.select(dr.isfinite(length), length, dr.largest(mi.Float)))
-        # d(distance) / d(angle) = d^2 / apart
-        reach = dr.square(apart) + dr.square(along - distance)
-        density = self.along.density(angle) / (high - low) * apart / reach
-        return distance, dr.select(usable, density, 0.0)
+    def _place_by_angle(self, light, ray, length, state, sampler, active):
+        """Return a distance along a segment, drawn by scattering angle about a lamp, and its density."""
+        source, uniform = light.source(_water(ray.o, ray), state, active), sampler.next_1d(active)
+        distance, density = place_by_angle(self.along, source, ray, length, uniform, active)
+        if not light.is_refracted:
+            return distance, density
+        # behind a window the source seems to be elsewhere from near by: half of the places are drawn about that
+        nearest = dr.clip(dr.dot(source - ray.o, ray.d), 0.0, dr.select(dr.isfinite(length), length, 1e6))
+        second = light.source(_water(ray(nearest), ray), state, active)
+        other, _ = place_by_angle(self.along, second, ray, length, uniform, active)
+        distance = dr.select(sampler.next_1d(active) < 0.5, distance, other)
+        density = angle_density(self.along, source, ray, length, distance, active)
+        return distance, 0.5 * (density + angle_density(self.along, second, ray, length, distance, active))
 
     def _place_in_sun(self, ray, length, k, sampler, active):
         """Return a distance along a segment at which the sun is scattered, and its density."""
@@ -206,75 +243,32 @@ class LampWalk:
         uniform = sampler.next_1d(active)
         if self.medium.grid is not None:
             within = 1 - dr.exp(-self.medium.depth(k, ray.o, ray.d, length, active))
-            return self._free_path(ray, length, within, k, channel, uniform, active)[::2]
+            return self.medium.draw_distance(k, ray, length, within, channel, uniform, active)[::2]
         # the light that arrives falls as exp(-rate x distance), which rises where the segment leads up to the sun
         rate = k.c * (1 - ray.d.z / self.world.sun.cosine)
         reach = dr.select(dr.isfinite(length), length, 1e6)
-        rate = dr.select(dr.abs(rate * reach) < 1e-4, 1e-4 / reach, rate)
-        drawn = _pick(rate, channel)
-        share = -dr.expm1(-drawn * reach)
-        distance = dr.clip(-dr.log1p(-uniform * share) / drawn, 0.0, reach)
-        density = dr.mean(rate * dr.exp(-rate * distance) / -dr.expm1(-rate * reach))
+        # any rate will do to draw by: none that loses its digits, none that overflows
+        rate = dr.maximum(dr.select(dr.abs(rate * reach) < 1e-2, 1e-2 / reach, rate), -80 / reach)
+        drawn = pick(rate, channel)
+        share = 1 - dr.exp(-drawn * reach)
+        distance = dr.clip(-dr.log(1 - uniform * share) / drawn, 0.0, reach)
+        density = dr.mean(rate * dr.exp(-rate * distance) / (1 - dr.exp(-rate * reach)))
         return distance, dr.select(active & dr.isfinite(distance) & dr.isfinite(density), density, 0.0)
 
-    def _collision(self, ray, length, passed, k, sampler, active):
-        """Return the distance of a collision within a segment, exp(-depth) there, and its density."""
-        channel = _channel(sampler.next_1d(active))
-        return self._free_path(ray, length, 1 - passed, k, channel, sampler.next_1d(active), active)
+    def _onwards(self, event, state, sampler, guided):
+        """Return the direction of the path's next segment, and value over density.
 
-    def _free_path(self, ray, length, within, k, channel, uniform, active):
-        """Draw a distance before `length` from one wavelength; its density is mixed over the ray's wavelengths."""
-        depth = -dr.log(1 - uniform * _pick(within, channel))
-        distance = self.medium.free_path(k, channel, ray.o, ray.d, depth, active)
-        distance = dr.minimum(distance, length)
-        distance = dr.select(active & dr.isfinite(distance), distance, 0.0)
-        survived = dr.exp(-self.medium.depth(k, ray.o, ray.d, distance, active))
-        attenuation = self.medium.attenuation_at(k, ray(distance), active)
-        density = dr.mean(attenuation * survived / dr.maximum(within, _TINY))
-        return distance, survived, density
-
-    def _onwards(self, event, state, sampler):
-        """Return the direction of the path's next segment, value over density, and its share of what is scattered once."""
+        guided: share of directions drawn around the lamps and the sun.
+        """
         direction = event.sample(sampler)
         if self.guides == 0:
             value, density = event.value(direction)
-            return direction, dr.select(event.active & (density > 0), value / density, 0.0), mi.Float(1.0)
+            return direction, dr.select(event.active & (density > 0), value / density, 0.0)
         towards = self._guiding_direction(event, state, sampler)
-        turn = self._turn(event, state)
-        guided = sampler.next_1d(event.active) < turn
-        direction = dr.select(guided, towards, direction)
+        direction = dr.select(sampler.next_1d(event.active) < guided, towards, direction)
         value, density = event.value(direction)
-        around = self._guiding_density(event, direction, state)
-        density = (1 - turn) * density + turn * around
-        weight = dr.select(event.active & (density > 0), value / density, 0.0)
-        return direction, weight, density / dr.maximum(density + EXTRA * around, 1e-30)
-
-    def _turn(self, event, state):
-        """Probability that a path turns to a lamp or the sun: not where it goes there already."""
-        onwards, closest = -event.at.wi, mi.Float(-1.0)
-        for light in self.world.lamps:
-            aim = dr.normalize(light.source(event.at, state, event.active) - event.at.p)
-            closest = dr.maximum(closest, dr.dot(aim, onwards))
-        if self.world.sun is not None:
-            closest = dr.maximum(closest, dr.dot(self.world.sun.towards, onwards))
-        in_water = dr.select(closest < AHEAD, mi.Float(TURN_WATER), TURN_AHEAD)
-        return dr.select(event.at_body, mi.Float(TURN_BODY), in_water)
-
-    def _guided(self, event, state, sampler):
-        """Light that an event sends on which was scattered once on a segment drawn around a lamp or the sun.
-
-        Weighted by the balance heuristic against the segment on which the path itself goes on.
-        """
-        active = event.active & (MOST_SEGMENTS > 1)
-        direction = self._guiding_direction(event, state, sampler)
-        value, own = event.value(direction)
-        turn, around = self._turn(event, state), self._guiding_density(event, direction, state)
-        density = (1 - turn) * own + (turn + EXTRA) * around
-        active &= (density > 0) & (dr.max(value) > 0)
-        ray = mi.Ray3f(event.origin(direction), direction, event.at.time, event.at.wavelengths)
-        length = self.world.meet(ray, active).length
-        light = self._scattered_once(ray, length, event.k, state, sampler, active)
-        return EXTRA * dr.select(active, value * light / dr.maximum(density, 1e-30), 0.0)
+        density = dr.lerp(density, self._guiding_density(event, direction, state), guided)
+        return direction, dr.select(event.active & (density > 0), value / density, 0.0)
 
     def _guiding_direction(self, event, state, sampler):
         """Return a direction drawn around a lamp or around the sun's."""
@@ -282,15 +276,15 @@ class LampWalk:
         choice, sample = sampler.next_1d(active), sampler.next_2d(active)
         sine, cosine = dr.sincos(self.around.angle_with_mass_beyond(sample.x))
         turn_sine, turn_cosine = dr.sincos(dr.two_pi * sample.y)
-        pick = dr.minimum(mi.UInt32(choice * self.guides), self.guides - 1)
+        chosen = dr.minimum(mi.UInt32(choice * self.guides), self.guides - 1)
         aim = mi.Vector3f(0, 0, 1)
         for index, light in enumerate(self.world.lamps):
-            aim = dr.select(pick == index, dr.normalize(light.source(at, state, active) - at.p), aim)
+            aim = dr.select(chosen == index, dr.normalize(light.source(at, state, active) - at.p), aim)
         direction = mi.Frame3f(aim).to_world(mi.Vector3f(sine * turn_cosine, sine * turn_sine, cosine))
         if self.world.sun is not None:
-            again = choice * self.guides - pick
+            again = choice * self.guides - chosen
             by_sun = self.medium.scattered_direction(event.k, self._in_sun(at), again, sample, active)
-            direction = dr.select(pick == len(self.world.lamps), by_sun, direction)
+            direction = dr.select(chosen == len(self.world.lamps), by_sun, direction)
         return direction
 
     def _guiding_density(self, event, direction, state):
@@ -313,8 +307,8 @@ class LampWalk:
 class _Event:
     """Where a path goes on: a collision in the water, or a body."""
 
-    def __init__(self, walk: LampWalk, at, si, at_body, collides, k):
-        self.medium, self.at, self.si, self.k = walk.medium, at, si, k
+    def __init__(self, medium, at, si, at_body, collides, k):
+        self.medium, self.at, self.si, self.k = medium, at, si, k
         self.at_body, self.collides, self.active = at_body, collides, at_body | collides
 
     def value(self, direction):
@@ -344,14 +338,6 @@ class _Event:
 
 def _channel(uniform):
     return dr.minimum(mi.UInt32(uniform * _WAVELENGTHS), _WAVELENGTHS - 1)
-
-
-def _pick(values, channel):
-    """Return one entry of a spectrum."""
-    picked = values[0]
-    for index in range(1, _WAVELENGTHS):
-        picked = dr.select(channel == index, values[index], picked)
-    return picked
 
 
 def _water(point, ray):

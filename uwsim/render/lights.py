@@ -28,6 +28,7 @@ class LampLight:
 
     def __init__(self, lamp, *, surface: "Surface | None" = None):
         self.lamp, self.surface = lamp, surface
+        self.is_refracted = lamp.window == "flat"
 
     def source(self, at, state, active):
         """Return the point from which the unscattered light seems to come."""

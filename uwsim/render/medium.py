@@ -50,19 +50,33 @@ class Medium:
             return coefficients.c * length
         columns, _ = self.grid.walk(origin, direction, length, None, None, active)
         # an empty scene's water over an infinite length must not become 0 x inf
-        total = dr.select(coefficients.c > 0, coefficients.c * length, 0.0)
+        total = coefficients.c * dr.minimum(length, 1e30)
         for (c, _), column in zip(coefficients.added, columns, strict=True):
             total += c * column
         return total
 
     def free_path(self, coefficients: Coefficients, channel, origin, direction, depth, active):
         """Distance at which the optical depth of one of the wavelengths reaches `depth`."""
-        c = _pick(coefficients.c, channel)
+        c = pick(coefficients.c, channel)
         if self.grid is None:
             return depth / c
-        rates = [_pick(added, channel) for added, _ in coefficients.added]
+        rates = [pick(added, channel) for added, _ in coefficients.added]
         _, distance = self.grid.walk(origin, direction, mi.Float(_FAR_M), (c, rates), depth, active)
         return distance
+
+    def draw_distance(self, coefficients: Coefficients, ray, length, within, channel, uniform, active):
+        """Draw a free path shorter than `length` by one of the wavelengths.
+
+        within: shares of light that do not get as far as `length`. Returns the distance, the shares that do get there,
+        and the density mixed over the wavelengths.
+        """
+        depth = -dr.log(1 - uniform * pick(within, channel))
+        distance = self.free_path(coefficients, channel, ray.o, ray.d, depth, active)
+        distance = dr.minimum(distance, length)
+        distance = dr.select(active & dr.isfinite(distance), distance, 0.0)
+        survived = dr.exp(-self.depth(coefficients, ray.o, ray.d, distance, active))
+        attenuation = self.attenuation_at(coefficients, ray(distance), active)
+        return distance, survived, dr.mean(attenuation * survived / dr.maximum(within, 1e-7))
 
     def attenuation_at(self, coefficients: Coefficients, point, active):
         """Attenuation at a place, a spectrum."""
@@ -144,7 +158,7 @@ class _Grid:
         end = dr.minimum(dr.min(dr.maximum(first, second)), length)
         start = origin + t * direction
         cell = [self._cell(axis, start[axis]) for axis in range(3)]
-        forward = [direction[axis] >= 0 for axis in range(3)]
+        forward = [inverse[axis] > 0 for axis in range(3)]  # of the rounded direction: -0 goes backwards
         columns = [mi.Float(0.0) for _ in self.shares]
         stopped = dr.full(mi.Float, dr.inf, dr.width(t))
         base = mi.Float(0.0)
@@ -193,7 +207,7 @@ def _at(texture, wavelengths):
     return texture.eval(si)
 
 
-def _pick(values, channel):
+def pick(values, channel):
     """Return one entry of a spectrum."""
     picked = values[0]
     for index in range(1, len(values)):

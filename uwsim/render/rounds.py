@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from uwsim.camera import sensor
-from uwsim.render import stopping, transport
+from uwsim.render import smooth, stopping, transport
 from uwsim.render.accumulate import Accumulator, Sums
 from uwsim.render.checkpoint import Checkpoint
 from uwsim.render.film import View
@@ -23,10 +23,19 @@ _LEAST_BATCHES_IN_TIME = 2  # a standard error needs two
 
 @dataclass(frozen=True, kw_only=True)
 class Ended:
-    """How the render of a picture ended: its noise, and which of "samples", "noise" and "time" ended it."""
+    """How the render of a picture ended: its noise, which of "samples", "noise" and "time" ended it, and the bias of
+    its layers that were denoised.
+
+    samples_per_pixel: in all; more than asked for where moving bodies need more sub-frames than a batch has samples.
+    """
 
     noise: stopping.Noise
     by: str
+    samples_per_pixel: int
+    bias: dict[str, smooth.Bias] = field(default_factory=dict)
+
+
+_NOTHING_MORE = smooth.Options()
 
 
 class Rounds:
@@ -37,13 +46,15 @@ class Rounds:
     names: of the pictures, in the order in which they will be asked for.
     checkpoint: where sums are taken from and kept. Raises ValueError if it holds more batches than asked for.
     progress: called with (what is being done, launches done, launches expected).
+    options: `orders` for the picture "radiance", `denoise` for those in water; rules hold or not before denoising.
     """
 
     def __init__(
         self, scene: Scene, view: View, until: stopping.Until, *, names: tuple[str, ...],
         checkpoint: Checkpoint | None = None, progress: Progress | None = None,
+        options: smooth.Options = _NOTHING_MORE,
     ):  # fmt: skip
-        self.scene, self.view, self.until = scene, view, until
+        self.scene, self.view, self.until, self.options = scene, view, until, options
         self.checkpoint, self.progress = checkpoint, progress
         self.ended: dict[str, Ended] = {}
         self._weights = {name: _TIME_WITHOUT_WATER if name == "water_free" else _TIME_IN_WATER for name in names}
@@ -53,8 +64,10 @@ class Rounds:
     def picture(self, name: str, built, *, seed: int, view: View | None = None) -> dict[str, np.ndarray]:
         """Return the images of `transport.layers`, rendered until a rule ends it; `view`: another than the frame's."""
         stored = self.checkpoint and self.checkpoint.sums(name)
-        accumulator = Accumulator(
-            built, view or self.view, transport.estimate(built),
+        denoise = self.options.denoise and name != "water_free"
+        kind = smooth.HalvedAccumulator if denoise else Accumulator
+        accumulator = kind(
+            built, view or self.view, transport.estimate(built, orders=self.options.orders and name == "radiance"),
             samples_per_batch=self.until.samples_per_batch, seed=seed, sums=stored,
         )  # fmt: skip
         if self.until.batches is not None and accumulator.batches > self.until.batches:
@@ -66,7 +79,7 @@ class Rounds:
         noise = None
         while True:
             if self._is_check(accumulator.batches):
-                noise = self._noise(name, accumulator.sums)
+                noise = self._noise(name, accumulator.sums, _images(accumulator.sums, denoise))
             by = self._end(accumulator.batches, noise, clock)
             if self.checkpoint is not None and accumulator.batches:
                 self.checkpoint.store(name, accumulator.sums, now=by is not None)
@@ -74,8 +87,16 @@ class Rounds:
                 break
             accumulator.add_batch(self._reporter(name, accumulator, noise, clock))
             clock.lap()
-        self.ended[name] = Ended(noise=self._noise(name, accumulator.sums), by=by)
-        return transport.pictures(accumulator.sums)
+        images, bias = _images(accumulator.sums, denoise), {}
+        if denoise:
+            images, bias = smooth.denoise_layers(images, accumulator.sums)
+        self.ended[name] = Ended(
+            noise=self._noise(name, accumulator.sums, images),
+            by=by,
+            bias=bias,
+            samples_per_pixel=accumulator.batches * accumulator.samples_per_batch,
+        )
+        return images
 
     def _is_check(self, batches: int) -> bool:
         return self.until.region is not None and batches > 0 and stopping.next_check(batches) == batches
@@ -88,8 +109,7 @@ class Rounds:
             return "samples"
         return "time" if batches >= _LEAST_BATCHES_IN_TIME and clock.is_up() else None
 
-    def _noise(self, name: str, sums: Sums) -> stopping.Noise:
-        images = transport.pictures(sums)
+    def _noise(self, name: str, sums: Sums, images: dict[str, np.ndarray]) -> stopping.Noise:
         if name == "radiance" or self._constants is None:
             # the twins are exposed as the picture is
             exposed, _ = truth.auto_exposed(self.scene, images["radiance"])
@@ -117,6 +137,10 @@ class Rounds:
             self.progress(what, done, max(done, expected * launches))
 
         return report
+
+
+def _images(sums: Sums, halved: bool) -> dict[str, np.ndarray]:
+    return transport.pictures(smooth.whole(sums) if halved else sums)
 
 
 class _Clock:

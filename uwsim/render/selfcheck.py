@@ -53,9 +53,10 @@ def _target_scene(scene: Scene, distance_m: float) -> Scene:
     # a narrow view, so that all rays have the same length to 1e-5
     camera = Camera(width_px=_SIZE_PX, height_px=_SIZE_PX, K_px=(1e3, 1e3, _SIZE_PX / 2, _SIZE_PX / 2),
                     response=scene.rig.camera.response)  # fmt: skip
+    light = scene.rig.lamps[0] if scene.rig.lamps else scene.daylight
     lamp = Lamp(
         position_m=(0.0, 0.0, 0.0), look_at_m=(0.0, 0.0, 1.0), half_angle_deg=60.0,
-        radiant_intensity_w_per_sr=np.pi * distance_m**2, spectrum=scene.rig.lamps[0].spectrum,
+        radiant_intensity_w_per_sr=np.pi * distance_m**2, spectrum=light.spectrum,
     )  # fmt: skip
     rectangle = Rectangle(
         name="target", kind="rectangle", width_m=distance_m, height_m=distance_m, reflectance=1.0,
@@ -63,7 +64,8 @@ def _target_scene(scene: Scene, distance_m: float) -> Scene:
         towards_m=tuple(world_from_rig[:3, 3].tolist()),
     )  # fmt: skip
     rig = scene.rig.model_copy(update={"camera": camera, "lamps": (lamp,), "motion": None})
-    return scene.model_copy(update={"rig": rig, "bodies": (rectangle,)})
+    nothing_more = {"daylight": None, "added_water": ()}
+    return scene.model_copy(update={"rig": rig, "bodies": (rectangle,)} | nothing_more)
 
 
 def _measured(target: Scene, water: Water, *, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -2,12 +2,16 @@
 
 import numpy as np
 
+from uwsim.camera import pose
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.scene import bodies as kinds
 from uwsim.scene import markers
+from uwsim.scene.snow import CORNER_PER_RADIUS, octahedra
 
 # How far the patches of a ColorChecker stand out of its frame, and markers out of their board.
 _RELIEF_M = 1e-4
+_FOLLOWED = 400  # points of a mesh, and of particles, that are followed through the image
+_GRID = 17  # of points on a flat body, along each side
 
 
 def spectrum(values: np.ndarray, *, where: str = "spectrum") -> dict:
@@ -46,6 +50,58 @@ def body_shapes(mi, body) -> dict[str, object]:
         case kinds.Mesh():
             return {"face": _mesh(mi, body, _both_sides(_diffuse(body.spectrum)))}
     raise TypeError(f"no shape for a body of type {type(body).__name__}")
+
+
+def snow_shape(mi, snow: kinds.MarineSnow, *, openings_m: np.ndarray):
+    """Return the particles as one mesh, without those too near to `openings_m` (..., 3) in the cloud's frame.
+
+    None if none is left.
+    """
+    middles, radii, turns = snow.particles()
+    reach_m = CORNER_PER_RADIUS * radii + snow.clear_m
+    near = np.zeros(len(middles), bool)
+    for opening_m in np.reshape(openings_m, (-1, 3)):
+        near |= np.linalg.norm(middles - opening_m, axis=-1) < reach_m
+    if near.all():
+        return None
+    vertices, faces = octahedra(middles[~near], radii[~near], turns[~near])
+    vertices = pose.apply(snow.world_from_body, vertices)
+    return _triangles(mi, snow.name, vertices, faces, _both_sides(_diffuse(snow.spectrum)))
+
+
+def body_triangles(mi, body) -> np.ndarray:
+    """Return what a body consists of, as triangles (n, 3, 3) in world coordinates at mid-exposure; charts are flat."""
+    match body:
+        case kinds.Mesh():
+            parameters = mi.traverse(body_shapes(mi, body)["face"])
+            vertices, faces = np.array(parameters["vertex_positions"]), np.array(parameters["faces"])
+            return vertices.reshape(-1, 3).astype(float)[faces.reshape(-1, 3)]
+        case kinds.Heightfield():
+            vertices, faces = _relief_triangles(body)
+            return vertices[faces]
+    half = np.array([body.width_m, body.height_m, 0.0]) / 2
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half
+    return pose.apply(body.world_from_body, corners)[[[0, 1, 2], [0, 2, 3]]]
+
+
+def body_points(body, *, near_m: np.ndarray) -> np.ndarray:
+    """Return points (n, 3) of a body in its own frame that stand for all of it where it is followed through the image.
+
+    Of particles the nearest to `near_m` (3,) in the world, and some of the others.
+    """
+    import mitsuba as mi
+
+    if isinstance(body, kinds.MarineSnow):
+        points = body.particles()[0]
+        apart_m = np.linalg.norm(points - pose.apply(pose.inverse(body.world_from_body), near_m), axis=-1)
+        points = points[np.argsort(apart_m, kind="stable")]
+        return np.concatenate([points[:_FOLLOWED], points[_FOLLOWED :: max(1, len(points) // _FOLLOWED)]])
+    if isinstance(body, (kinds.Mesh, kinds.Heightfield)):
+        corners = np.unique(body_triangles(mi, body).reshape(-1, 3), axis=0)
+        corners = corners[:: max(1, len(corners) // _FOLLOWED)]
+        return pose.apply(pose.inverse(body.world_from_body), corners)
+    x, y = np.meshgrid(*(np.linspace(-0.5, 0.5, _GRID) * size for size in (body.width_m, body.height_m)))
+    return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=-1)
 
 
 def _diffuse(reflectance: np.ndarray) -> dict:
@@ -139,6 +195,11 @@ def check_files(scene) -> None:
 
 def _relief(mi, body: kinds.Heightfield, bsdf: dict):
     """Return a heightfield as a triangle mesh in world coordinates."""
+    return _triangles(mi, body.name, *_relief_triangles(body), bsdf)
+
+
+def _relief_triangles(body: kinds.Heightfield) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (v, 3) in world coordinates and faces (f, 3)."""
     heights = body.heights_m
     rows, columns = heights.shape
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, columns) * body.width_m, np.linspace(0.5, -0.5, rows) * body.height_m)
@@ -146,11 +207,14 @@ def _relief(mi, body: kinds.Heightfield, bsdf: dict):
     vertices = local @ body.world_from_body[:3, :3].T + body.world_from_body[:3, 3]
     corner = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
-    faces = np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
+    return vertices, np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
 
+
+def _triangles(mi, name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: dict):
+    """Return a mesh without vertex normals."""
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
-    mesh = mi.Mesh(body.name, vertex_count=len(vertices), face_count=len(faces), props=properties)
+    mesh = mi.Mesh(name, vertex_count=len(vertices), face_count=len(faces), props=properties)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = np.ascontiguousarray(vertices, dtype=np.float32).ravel()
     parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()

@@ -1,11 +1,14 @@
 """Monte-Carlo estimates of band radiance: rays through the pixels, an integrator, sums."""
 
+import dataclasses
+
 import numpy as np
 
+from uwsim.optics import phase
+from uwsim.optics.water import Water
 from uwsim.render.accumulate import Progress, Sums, accumulate
-from uwsim.render.build import Built
+from uwsim.render.build import Added, Built, load_medium
 from uwsim.render.film import View
-from uwsim.render.shapes import spectrum
 from uwsim.render.stopping import check_samples
 
 
@@ -26,7 +29,7 @@ def layers(
 
 
 def estimate(built: Built, *, orders: bool = False):
-    """Return the estimate, (rays, sampler) -> [radiance, its layers], whose sums `pictures` takes.
+    """Return the estimate, (rays, sampler, sets) -> [radiance, its layers], whose sums `pictures` takes.
 
     `orders`: with `integrator.ORDERS` after the layers.
     """
@@ -34,8 +37,8 @@ def estimate(built: Built, *, orders: bool = False):
 
     walk = LampWalk(built)
 
-    def estimated(rays, sampler):
-        parts = walk(rays, sampler)
+    def estimated(rays, sampler, sets):
+        parts = walk(rays, sampler, sets)
         layers = parts[: len(LAYERS)]
         return [sum(layers[1:], layers[0]), *(parts if orders else layers)]
 
@@ -66,34 +69,39 @@ def reference_radiance(
 
 def _reference(built: Built):
     integrator = built.scene.integrator()
-    return lambda rays, sampler: [integrator.sample(built.scene, sampler, rays, built.medium, True)[0]]
+    return lambda rays, sampler, _sets: [integrator.sample(built.scene, sampler, rays, built.medium, True)[0]]
 
 
 def transmission(
-    built: Built, view: View, *, attenuation: np.ndarray, samples_per_pixel: int, seed: int,
+    built: Built, view: View, *, attenuation: np.ndarray, samples_per_pixel: int, seed: int, added: Added | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Return the share of lamp light, by way of the body seen, that is neither absorbed nor scattered, (H, W, 3).
+    """Return the share of light, by way of the body seen, that is neither absorbed nor scattered, (H, W, 3).
 
-    The ratio of two sums over the same light paths lamp-body-camera, with `attenuation` (61,) [1/m] and
-    without. 0 where no body is seen or no lamp reaches it.
+    Light straight from the lamps and the sun, and from the lamps by way of the water surface; not the sky's. The ratio
+    of two sums over the same light paths source-body-camera, with `attenuation` (61,) [1/m] and the waters `added` to
+    it, and without. 0 where no body is seen or none of that light reaches it.
     """
     import drjit as dr
     import mitsuba as mi
 
-    coefficient = mi.load_dict(spectrum(attenuation))
+    from uwsim.render.world import World
 
-    def estimate(rays, sampler):
-        si = built.scene.ray_intersect(rays)
+    water = Water("attenuating", attenuation, np.zeros_like(attenuation), phase.constant([0.0], [1.0]))
+    medium = load_medium(mi, water, even_if_empty=added is not None)
+    world = World(dataclasses.replace(built, water=water, medium=medium, added=added))
+    lights = world.lamps + ([] if world.sun is None else [world.sun])
+
+    def estimate(rays, sampler, _sets):
+        k = None if world.medium is None else world.medium.coefficients(rays.wavelengths)
+        met = world.meet(rays, mi.Bool(True))
+        own = world.medium_depth(k, rays.o, rays.d, dr.select(met.body, met.length, 0.0), met.body)
         seen, unattenuated = mi.Spectrum(0.0), mi.Spectrum(0.0)
-        at_wavelength = dr.zeros(mi.SurfaceInteraction3f)
-        at_wavelength.wavelengths = rays.wavelengths
-        c = coefficient.eval(at_wavelength)
-        for emitter in built.scene.emitters():
-            ds, light = emitter.sample_direction(si, mi.Point2f(0.5), si.is_valid())
-            reaches = si.is_valid() & ~built.scene.ray_test(si.spawn_ray_to(ds.p), si.is_valid())
-            reflected = light * si.bsdf().eval(mi.BSDFContext(), si, si.to_local(ds.d), reaches)
-            unattenuated += reflected & reaches
-            seen += (reflected * dr.exp(-c * (si.t + ds.dist))) & reaches
+        for light in lights:
+            came = light.arriving(met.si, mi.Point2f(0.5), world, k, met.body)
+            bsdf = met.si.bsdf().eval(mi.BSDFContext(), met.si, met.si.to_local(came.direction), came.visible)
+            reflected = dr.select(came.visible, came.irradiance * bsdf, 0.0)
+            unattenuated += reflected
+            seen += dr.select(came.visible, reflected * dr.exp(-own - came.depth), 0.0)
         return [seen, unattenuated]
 
     seen, whole = accumulate(built, view, estimate, samples_per_pixel=samples_per_pixel, batches=1, seed=seed).sums

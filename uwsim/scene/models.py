@@ -137,8 +137,15 @@ class Scene(Strict):
             merged(self.added_water)
 
     @property
+    def moving_bodies(self) -> tuple[Body, ...]:
+        """The bodies that move, particles among them."""
+        return tuple(body for body in self.bodies if body.moves)
+
+    @property
     def moves(self) -> bool:
-        """Whether the rig moves during the exposure, readout included."""
+        """Whether the rig or a body moves during the exposure, readout included."""
+        if self.moving_bodies:
+            return True
         motion, trajectory = self.rig.motion, self.rig.trajectory
         if trajectory is None:
             return motion is not None and any((*motion.velocity_m_per_s, *motion.rotation_deg_per_s))
@@ -148,11 +155,18 @@ class Scene(Strict):
         return not np.allclose(poses, poses[0], rtol=0, atol=1e-12)
 
     def _check_times(self) -> None:
-        if self.rig.trajectory is None:
-            return
-        times_s, half_s = self.rig.trajectory.times_s, self.shutter.span_s / 2
-        if times_s[0] > -half_s or times_s[-1] < half_s:
+        moving = self.moving_bodies
+        if moving and self.shutter.readout_s > 0:
             raise ValueError(
-                f"trajectory: times_s {times_s[0]:g} to {times_s[-1]:g} s do not cover the exposure with its readout, "
-                f"{-half_s:g} to {half_s:g} s"
+                f"bodies: {moving[0].name} moves and exposure.readout_s is {self.shutter.readout_s:g} s, "
+                "allowed: bodies in motion before a global shutter (readout_s = 0)"
             )
+        half_s = self.shutter.span_s / 2
+        paths = [("trajectory", self.rig.trajectory)]
+        paths += [(f"body {body.name}: trajectory", getattr(body, "trajectory", None)) for body in self.bodies]
+        for where, path in paths:
+            if path is not None and (path.times_s[0] > -half_s or path.times_s[-1] < half_s):
+                raise ValueError(
+                    f"{where}: times_s {path.times_s[0]:g} to {path.times_s[-1]:g} s do not cover the exposure "
+                    f"with its readout, {-half_s:g} to {half_s:g} s"
+                )

@@ -11,7 +11,7 @@ from uwsim.scene.water import NamedWater, TabulatedWater, TurbidWater
 
 _WIDE_M = 500.0  # half width of a layer, which stands for one without end
 _SIGMAS = 3.0
-_CELLS_PER_SIGMA = 8
+_CELLS_PER_SIGMA = 4
 
 
 class Cells(NamedTuple):

@@ -67,9 +67,11 @@ def _relative_illumination(scene: Scene) -> np.ndarray | None:
 def _check_at_rest(scene: Scene) -> None:
     motion = scene.rig.motion
     moves = motion is not None and any((*motion.velocity_m_per_s, *motion.rotation_deg_per_s))
-    if moves or scene.rig.trajectory is not None:
+    moves |= scene.rig.trajectory is not None
+    if moves or scene.moving_bodies:
         raise ValueError(
-            "exposure.auto.adjust = 'time' with a rig in motion, allowed: 'gain' (the motion blur depends on the time)"
+            f"exposure.auto.adjust = 'time' with {'a rig' if moves else 'a body'} in motion, allowed: 'gain' "
+            "(the motion blur depends on the time)"
         )
 
 
@@ -117,12 +119,14 @@ def white_balance(scene: Scene, grey: np.ndarray) -> np.ndarray:
 
 
 def water_bands(scene: Scene) -> dict:
-    """Return a, b, c per camera band, weighted by camera response x lamp light. [1/m]"""
-    light = sum(lamp.intensity_w_per_sr * lamp.relative_spectrum for lamp in scene.rig.lamps)
+    """Return a, b, c per camera band, weighted by camera response x lamp light, without lamps x daylight. [1/m]"""
+    lamps = scene.rig.lamps
+    light = sum(lamp.intensity_w_per_sr * lamp.relative_spectrum for lamp in lamps)
+    light = light if lamps else scene.daylight.relative_spectrum
     weights = camera_response(scene.rig.camera.response) * light[:, None]
     water = scene.water.optical()
     return {
-        "weighting": "camera response x lamp spectrum",
+        "weighting": f"camera response x {'lamp' if lamps else 'daylight'} spectrum",
         "absorption_per_m": band_mean(water.absorption, weights).tolist(),
         "scattering_per_m": band_mean(water.scattering, weights).tolist(),
         "attenuation_per_m": band_mean(water.attenuation, weights).tolist(),

@@ -5,8 +5,9 @@ import numpy as np
 from uwsim.bench.page.markup import escape, figure, grid, paragraph, picture, section
 from uwsim.bench.page.pictures import layer_figures, through_camera
 from uwsim.bench.page.plots import optical_thickness
-from uwsim.bench.task import spread
+from uwsim.bench.task import lens_of, pinhole_K, spread
 from uwsim.dataset.frame import Frame
+from uwsim.dataset.info import FrameInfo
 from uwsim.dataset.store import Dataset
 
 THUMBNAILS = 12
@@ -36,11 +37,16 @@ def facts(dataset: Dataset) -> str:
         ("size", ", ".join(sizes)),
         ("samples per pixel", ", ".join(map(str, samples))),
         ("Monte-Carlo noise", f"low enough in {sum(noise)} of {len(noise)} frames" if noise else "not stated"),
+        ("camera", ", ".join(sorted({_behind(info) for info in infos}))),
         ("attenuation, green", f"{low:.3g} /m" if low == high else f"{low:.3g} to {high:.3g} /m"),
         ("seed", str(dataset.manifest["seed"])),
     ]
     items = "".join(f"<div><dt>{escape(key)}</dt><dd>{escape(value)}</dd></div>" for key, value in entries)
     return f'<dl class="facts">{items}</dl>'
+
+
+def _behind(info: FrameInfo) -> str:
+    return "pinhole in the water" if info.camera.port is None else f"behind a {info.camera.port.kind} port"
 
 
 def compare_section(frame: Frame) -> str:
@@ -66,9 +72,38 @@ def compare_section(frame: Frame) -> str:
         f"Frame {frame.name}, {frame.info.water.name}: attenuation "
         f"{bands[0]:.2g}, {bands[1]:.2g}, {bands[2]:.2g} /m in red, green, blue; "
         f"median optical thickness {optical_thickness(frame):.2g} one way (green). "
-        "Same scene, rays, lamps and exposure; both without sensor noise."
+        f"Same scene, rays, lamps and exposure; both without sensor noise. {camera_words(frame)} {noise_words(frame)}"
     )
     return section("twin", "With and without water", figure(stack + slide, "", escape(caption), kind="compare"))
+
+
+def camera_words(frame: Frame) -> str:
+    """Return in a sentence what the camera looks through."""
+    camera, lens = frame.info.camera, lens_of(frame)
+    port = camera.port
+    if port is None:
+        return "The camera is a pinhole in the water."
+    if port.kind == "flat":
+        where = f"the pinhole {1e3 * port.gap_m:.3g} mm behind it"
+    else:
+        where = f"of {1e3 * port.inner_radius_m:.3g} mm radius"
+    return (
+        f"The camera looks through a {port.kind} port: glass of {1e3 * port.thickness_m:.3g} mm (index "
+        f"{port.n_glass:.4g}, water {port.n_water:.4g}), {where}; {lens.K[0, 0]:.4g} px of focal length in air are "
+        f"{pinhole_K(lens)[0, 0]:.4g} px in the water."
+    )
+
+
+def noise_words(frame: Frame) -> str:
+    """Return in a sentence how noisy the frame's render is, and whether that is little enough."""
+    if frame.info.noise is None:
+        return ""
+    radiance = frame.info.noise.pictures["radiance"]
+    verdict = "met" if frame.info.noise.met else "NOT met: scores on this frame measure the render's noise too"
+    return (
+        f"Monte-Carlo noise after {radiance.samples_per_pixel} samples per pixel: {radiance.region_error_p95:.2%} in "
+        f"regions, {radiance.pixel_share_within:.0%} of the pixels within half of the sensor's noise; rule {verdict}."
+    )
 
 
 def layers_section(frame: Frame) -> str:

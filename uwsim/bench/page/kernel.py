@@ -3,7 +3,7 @@
 import math
 
 from uwsim.bench.page.markup import escape
-from uwsim.dataset.frame import Blur
+from uwsim.dataset.info import Blur
 
 ASPECT = 0.75  # of height to width, as most pictures
 

@@ -68,10 +68,13 @@ def instance_colours(count: int) -> np.ndarray:
 
 
 LAYERS = (
-    ("direct", "Direct", "light that came straight from a body; same camera and exposure for the three layers"),
+    ("direct", "Direct", "light that came straight from a body; same camera and exposure for all layers"),
     ("forward_scatter", "Forward scatter", "light of the bodies, scattered on its way"),
     ("backscatter", "Backscatter", "light that met no body"),
+    ("direct_unscattered", "Direct, unscattered", "of the direct light, what met no particle on its way to the body"),
+    ("backscatter_single", "Backscatter, single", "of the backscatter, what met one particle and no other"),
 )
+"""The last two where the frame has them."""
 
 
 def layer_figures(frame: Frame) -> list[str]:
@@ -88,8 +91,9 @@ def layer_figures(frame: Frame) -> list[str]:
         ),
         map_figure(z_depth_m, "Depth", "along the optical axis", unit="m", ends=ends, alt="Map of the depth"),
         *(
-            figure(picture(through_camera(frame, layer), f"The layer {title} alone"), title, words)
-            for layer, title, words in LAYERS
+            figure(picture(through_camera(frame, layer), f"The layer {title} alone"), title, _share(frame, layer, text))
+            for layer, title, text in LAYERS
+            if layer in frame.buffer_names
         ),
         map_figure(
             transmission, "Transmission",
@@ -110,6 +114,15 @@ def layer_figures(frame: Frame) -> list[str]:
         ),
         _instances(frame),
     ]  # fmt: skip
+
+
+def _share(frame: Frame, layer: str, words: str) -> str:
+    """Return the caption of a layer: what it is, its share of the radiance, and whether it was denoised."""
+    total = float(frame.buffer("radiance")[..., 1].sum())
+    share = f"; {100 * float(frame.buffer(layer)[..., 1].sum()) / total:.2g} % of the light (green)" if total else ""
+    options = frame.info.options
+    denoised = f"; denoised, biased: {options.denoiser}" if layer in options.denoised_layers else ""
+    return escape(f"{words}{share}{denoised}")
 
 
 def _normals(frame: Frame) -> np.ndarray:

@@ -5,6 +5,8 @@ import numpy as np
 from uwsim.bench.page.markup import escape, figure, picture
 from uwsim.bench.records import Result, role
 from uwsim.bench.task import Case
+from uwsim.camera.lens import Lens
+from uwsim.camera.port import Status
 
 
 def pose_figure(case: Case, poses: dict[str, np.ndarray | None], result: Result | None) -> str:
@@ -21,12 +23,12 @@ def pose_figure(case: Case, poses: dict[str, np.ndarray | None], result: Result 
     length_m = _axis_length_m(view)
     height, width = case.image.shape[:2]
     unit = width / 400
-    marks = _axes(view.camera_from_body, view.frame.K, length_m, unit, true=True)
+    marks = _axes(view.camera_from_body, view.lens, length_m, unit, true=True)
     for x, y in view.detected.image_px:
         size = f'r="{2.4 * unit:.3f}" stroke-width="{0.9 * unit:.3f}"'
         marks += f'<circle class="corner" cx="{x:.2f}" cy="{y:.2f}" {size}/>'
     if estimated:
-        marks += _axes(poses[estimated], view.frame.K, length_m, unit, true=False)
+        marks += _axes(poses[estimated], view.lens, length_m, unit, true=False)
     overlay = f'<svg viewBox="0 0 {width} {height}" aria-hidden="true">{marks}</svg>'
     words = f"Frame {case.name}, body {view.body}. Wide coloured axes: truth"
     words += f" (x red, y green, z blue, {length_m:.2g} m)."
@@ -41,13 +43,13 @@ def _axis_length_m(view) -> float:
     return 0.4 * float(np.linalg.norm(np.ptp(corners, axis=0)))
 
 
-def _axes(pose: np.ndarray, K: np.ndarray, length_m: float, unit: float, *, true: bool) -> str:
-    """Return three lines from the origin of the body; "" where an end lies behind the camera."""
+def _axes(pose: np.ndarray, lens: Lens, length_m: float, unit: float, *, true: bool) -> str:
+    """Return three lines from the origin of the body; "" where an end is not seen."""
     ends = pose[:3, :3] @ (length_m * np.column_stack([np.zeros(3), np.eye(3)])) + pose[:3, 3:]
-    if np.any(ends[2] <= 0):
+    pixels, status = lens.project(ends.T)
+    if np.any(status != Status.SEEN):
         return ""
-    projected = K @ ends
-    (x0, *xs), (y0, *ys) = projected[:2] / projected[2]
+    (x0, *xs), (y0, *ys) = pixels.T
     lines = []
     for name, x, y in zip("xyz", xs, ys, strict=True):
         line = f'd="M{x0:.2f} {y0:.2f}L{x:.2f} {y:.2f}" fill="none" stroke-linecap="round"'

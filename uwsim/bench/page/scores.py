@@ -19,6 +19,7 @@ def benchmark(result: Result, dataset: Dataset) -> str:
     parts = [f"<h3>{escape(result.benchmark)}</h3>", paragraph(definition.get("description", ""))]
     parts += [summary_table(result, case) for case in summary_names(result)]
     parts.append(paragraph(_how(result), "note"))
+    parts += [paragraph(f"{note[0].upper()}{note[1:]}.", "note") for note in result.provenance.get("cameras", [])]
     plotted = PLOTTED.get(definition.get("task", result.benchmark), ())
     parts += [score_plots(result, dataset, plotted), cases_table(result)]
     return "".join(parts)
