@@ -2,7 +2,7 @@
 
     python benchmarks/speed/render.py [--quick] [--attenuation 1 3 6] [--json -]
 
-Scene: `tank_usaf`, grey water of attenuation c with albedo 0.8 and Petzold's average particle. Two set-ups of the peers:
+Scene: `tank_usaf`, grey water of attenuation c, albedo 0.8, Petzold's average particle. Two set-ups of the peers:
   same   our emitter (LED of 3 mm radius behind a flat window) and our flat port, without the housings' shadow
   user   a bare point lamp and a pinhole, both in the water
 and one of ours, that of `same`. Rounds of all algorithms alternate; a round's time does not hold compilation. A peer's
@@ -15,6 +15,7 @@ import argparse
 import json
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -235,8 +236,7 @@ def main() -> int:
     if arguments.json == "-":
         print(text)
     elif arguments.json:
-        with open(arguments.json, "w", encoding="utf-8") as stream:
-            stream.write(text + "\n")
+        Path(arguments.json).write_text(text + "\n", encoding="utf-8")
     return 0
 
 

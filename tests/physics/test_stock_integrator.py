@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics import scenes, slabs
+from tests.references.monte_carlo import assert_two_samples_agree
 from uwsim.render import film, transport
 from uwsim.render.build import build
 
@@ -82,26 +83,6 @@ def quarters(scene, *, samples: int, count: int, reference: bool) -> np.ndarray:
             image = transport.layers(built, view, **options)["radiance"]
         found.append(image.reshape(2, 3, 2, 4, 3).mean(axis=(1, 3)).ravel())
     return np.array(found, float)
-
-
-def assert_two_samples_agree(found, reference, *, largest: float, model_tolerance=3e-3, false_alarm=1e-4):
-    """Welch's t-test of two means of independent replicates (n, k), Sidak over k; fails without power.
-
-    largest: allowed standard error of the difference relative to the mean.
-    """
-    from scipy import stats
-
-    mean, error = found.mean(axis=0) - reference.mean(axis=0), []
-    for sample in (found, reference):
-        error.append(sample.var(axis=0, ddof=1) / len(sample))
-    total, level = np.sqrt(error[0] + error[1]), np.abs(reference.mean(axis=0))
-    assert np.all(total <= largest * level), f"test has no power: relative standard error {(total / level).max():.2g}"
-    freedom = total**4 / (error[0] ** 2 / (len(found) - 1) + error[1] ** 2 / (len(reference) - 1))
-    t = np.maximum(np.abs(mean) - model_tolerance * level, 0) / total
-    p_value = 2 * stats.t.sf(t, freedom)
-    assert p_value.min() > 1 - (1 - false_alarm) ** (1 / p_value.size), (
-        f"biased: relative difference {mean[p_value.argmin()] / level[p_value.argmin()]:.3g}, t = {t.max():.1f}"
-    )
 
 
 @pytest.mark.parametrize(

@@ -36,3 +36,21 @@ def assert_mean_matches(replicates, expected, *, max_relative_standard_error, fa
         f"biased at {worst}: mean {mean[worst]:.6g}, expected {expected[worst]:.6g}, "
         f"t = {t[worst]:.1f}, p = {p_value[worst]:.2g} < {threshold:.2g}"
     )
+
+
+def assert_two_samples_agree(found, reference, *, largest: float, model_tolerance=3e-3, false_alarm=1e-4):
+    """Welch's t-test of two means of independent replicates (n, k), Sidak over k; fails without power.
+
+    largest: allowed standard error of the difference relative to the mean.
+    """
+    mean, error = found.mean(axis=0) - reference.mean(axis=0), []
+    for sample in (found, reference):
+        error.append(sample.var(axis=0, ddof=1) / len(sample))
+    total, level = np.sqrt(error[0] + error[1]), np.abs(reference.mean(axis=0))
+    assert np.all(total <= largest * level), f"test has no power: relative standard error {(total / level).max():.2g}"
+    freedom = total**4 / (error[0] ** 2 / (len(found) - 1) + error[1] ** 2 / (len(reference) - 1))
+    t = np.maximum(np.abs(mean) - model_tolerance * level, 0) / total
+    p_value = 2 * stats.t.sf(t, freedom)
+    assert p_value.min() > 1 - (1 - false_alarm) ** (1 / p_value.size), (
+        f"biased: relative difference {mean[p_value.argmin()] / level[p_value.argmin()]:.3g}, t = {t.max():.1f}"
+    )

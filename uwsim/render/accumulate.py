@@ -92,7 +92,10 @@ class Accumulator:
             _launch_seed(self.seed, batch, top, share), part=part, parts=self.parts,
         )  # fmt: skip
         values = self.estimate(rays, self._sampler, sets)
-        bands = [[dr.block_sum(dr.mean(value * weight), samples) for weight in weights] for value in values]
+        bands = [[dr.mean(value * weight) for weight in weights] for value in values]
+        # all at once: a sum over blocks evaluates what it is given, and with it the whole loop again
+        dr.eval(bands)
+        bands = [[dr.block_sum(band, samples) for band in quantity] for quantity in bands]
         dr.eval(bands)
         means = [np.stack([band.numpy() for band in quantity], axis=-1) / samples for quantity in bands]
         return np.stack(means).reshape(len(means), height, self.view.width_px, BANDS).astype(np.float64)

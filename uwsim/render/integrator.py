@@ -151,7 +151,7 @@ class LampWalk:
         return [direct, forward, backward, unscattered, single]
 
     def _lamp_side(self, sets):
-        """Return light traced from the lamps at the times and wavelengths of the rays; None where paths alone must do."""
+        """Return light traced from the lamps at times and wavelengths of the rays; None where paths alone must do."""
         # light that the water surface reflects on its way to a body is not found from the lamps' side
         if sets is None or self.medium is None or not self.world.lamps or self.world.surface is not None:
             return None

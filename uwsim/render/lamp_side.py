@@ -7,7 +7,7 @@ is to be expected from there by way of one more collision, and that collision as
 the other side: a direction, partly as the collision itself would choose it and partly around the point, and a place on
 it by scattering angle. Both singularities, 1/d^2 at the point and the forward peak, cancel.
 
-Source: bidirectional path tracing (Lafortune & Willems 1993; Veach 1997, chapter 10) with vertices shared by all rays of
+Source: bidirectional path tracing (Lafortune & Willems 1993; Veach 1997, chapter 10) with vertices shared by rays of
 a set; resampled importance sampling (Talbot et al. 2005, Eurographics Symposium on Rendering). Unbiased: vertices are
 drawn anew for every launch.
 Valid: no water surface, whose reflections of light on its way to a body are not found.
@@ -20,7 +20,7 @@ import numpy as np
 from uwsim.render.angles import place_by_angle
 
 _CANDIDATES = 16  # vertices among which a point on a body draws
-_LEAST_VERTICES, _MOST_VERTICES = 32, 4096  # for each set of time and wavelengths
+_LEAST_VERTICES, _MOST_VERTICES = 8, 4096  # for each set of time and wavelengths
 _RAYS_PER_PATH = 8
 _AROUND = 0.5  # share of directions drawn around the point
 _BINS, _PROBES = 128, 64
