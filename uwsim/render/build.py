@@ -106,11 +106,11 @@ def _added(mi, scene: Scene) -> Added | None:
 
 def _housings(mi, scene: Scene, poses: np.ndarray):
     camera = scene.rig.camera
-    fronts = [(camera.rig_from_front, camera.housing)]
-    fronts += [(lamp.rig_from_front, lamp.housing) for lamp in scene.rig.lamps]
+    fronts = [(camera.rig_from_front, camera.housing, 0.0)]
+    fronts += [(lamp.rig_from_front, lamp.housing, lamp.dome_radius_m) for lamp in scene.rig.lamps]
     cylinders = [
-        (tensor(mi, (poses @ front)[:, :3, :]), housing.radius_m, housing.length_m)
-        for front, housing in fronts
+        (tensor(mi, (poses @ front)[:, :3, :]), housing.radius_m, housing.length_m, dome_m)
+        for front, housing, dome_m in fronts
         if housing is not None
     ]
     if not cylinders:
