@@ -8,6 +8,7 @@ from uwsim.optics.phase import PhaseMixture
 
 _BINS = 1024
 _SMALLEST_RAD = 1e-5
+_LEAST_SINE = 1e-7
 
 
 class AngleTable:
@@ -42,6 +43,17 @@ class AngleTable:
     def phase(self, angle):
         """Phase function in proportion to the density, 1 over the sphere. [1/sr]"""
         return self.density(angle) * self.phase_norm
+
+    def direction_about(self, axis, sample):
+        """Return a direction whose angle to a unit vector is drawn from the table, the turn about it evenly."""
+        sine, cosine = dr.sincos(self.angle_with_mass_beyond(sample.x))
+        turn_sine, turn_cosine = dr.sincos(dr.two_pi * sample.y)
+        return mi.Frame3f(axis).to_world(mi.Vector3f(sine * turn_cosine, sine * turn_sine, cosine))
+
+    def density_about(self, axis, direction):
+        """Return the density of `direction_about` at a unit vector. [1/sr]"""
+        sine = dr.maximum(dr.norm(dr.cross(axis, direction)), _LEAST_SINE)
+        return self.density(dr.atan2(sine, dr.dot(axis, direction))) / (dr.two_pi * sine)
 
     def mass_beyond(self, angle):
         """Probability of a larger angle."""
@@ -107,7 +119,7 @@ def _triangle(source, ray):
     """Return the distance of a source from the start of a ray, along it, and apart from it."""
     offset = source - ray.o
     reach = dr.norm(offset)
-    return reach, dr.dot(offset, ray.d), dr.maximum(dr.norm(dr.cross(offset, ray.d)), 1e-7 * reach)
+    return reach, dr.dot(offset, ray.d), dr.maximum(dr.norm(dr.cross(offset, ray.d)), _LEAST_SINE * reach)
 
 
 def _masses(table, along, apart, length):

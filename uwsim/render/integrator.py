@@ -23,7 +23,7 @@ import mitsuba as mi
 from uwsim.render.angles import angle_density, place_by_angle, scattering_tables
 from uwsim.render.build import Built
 from uwsim.render.lamp_side import Emission, LampSide
-from uwsim.render.medium import pick
+from uwsim.render.medium import channel_of, interaction, pick
 from uwsim.render.world import World
 
 LAYERS = ("direct", "forward_scatter", "backscatter")
@@ -32,7 +32,6 @@ ORDERS = ("direct_unscattered", "backscatter_single")
 
 MOST_SEGMENTS = 1 << 20  # of a path, from the camera; 1 keeps what was scattered or reflected once
 
-_WAVELENGTHS = 4
 _FIRST_COLLISION = 0.5  # least probability of a collision before the body that the camera sees
 _DEEP = 2.5  # optical distance of a body from the lamps beyond which scattered light is found from the lamps' side
 _GUIDED_IN_WATER = 0.2  # share of directions drawn around the lamps and the sun
@@ -115,7 +114,13 @@ class LampWalk:
                 collision = dr.select(met.body & first & (collision > 0), raised, collision)
                 collides = active & (sampler.next_1d(active) < collision)
                 distance, survived, density = medium.draw_distance(
-                    k, ray, met.length, 1 - passed, _channel(sampler.next_1d(active)), sampler.next_1d(active), collides
+                    k,
+                    ray,
+                    met.length,
+                    1 - passed,
+                    channel_of(sampler.next_1d(active)),
+                    sampler.next_1d(active),
+                    collides,
                 )
                 in_water = survived / dr.maximum(density * collision, 1e-30)
                 throughput *= dr.select(collides, in_water, passed / dr.maximum(1 - collision, _TINY))
@@ -169,8 +174,7 @@ class LampWalk:
     def _reflected(self, met, k, state, active):
         """Radiance that a body sends back along the ray of light straight from lamps and sun."""
         total = mi.Spectrum(0.0)
-        lights = self.world.lamps + ([] if self.world.sun is None else [self.world.sun])
-        for light in lights:
+        for light in self.world.lights:
             came = light.arriving(met.si, state, self.world, k, active)
             bsdf = met.si.bsdf().eval(mi.BSDFContext(), met.si, met.si.to_local(came.direction), came.visible)
             total += dr.select(came.visible, bsdf * came.irradiance * dr.exp(-came.depth), 0.0)
@@ -239,7 +243,7 @@ class LampWalk:
 
     def _place_in_sun(self, ray, length, k, sampler, active):
         """Return a distance along a segment at which the sun is scattered, and its density."""
-        channel = _channel(sampler.next_1d(active))
+        channel = channel_of(sampler.next_1d(active))
         uniform = sampler.next_1d(active)
         if self.medium.grid is not None:
             within = 1 - dr.exp(-self.medium.depth(k, ray.o, ray.d, length, active))
@@ -274,13 +278,11 @@ class LampWalk:
         """Return a direction drawn around a lamp or around the sun's."""
         at, active = event.at, event.active
         choice, sample = sampler.next_1d(active), sampler.next_2d(active)
-        sine, cosine = dr.sincos(self.around.angle_with_mass_beyond(sample.x))
-        turn_sine, turn_cosine = dr.sincos(dr.two_pi * sample.y)
         chosen = dr.minimum(mi.UInt32(choice * self.guides), self.guides - 1)
         aim = mi.Vector3f(0, 0, 1)
         for index, light in enumerate(self.world.lamps):
             aim = dr.select(chosen == index, dr.normalize(light.source(at, state, active) - at.p), aim)
-        direction = mi.Frame3f(aim).to_world(mi.Vector3f(sine * turn_cosine, sine * turn_sine, cosine))
+        direction = self.around.direction_about(aim, sample)
         if self.world.sun is not None:
             again = choice * self.guides - chosen
             by_sun = self.medium.scattered_direction(event.k, self._in_sun(at), again, sample, active)
@@ -291,9 +293,7 @@ class LampWalk:
         total = mi.Float(0.0)
         for light in self.world.lamps:
             aim = dr.normalize(light.source(event.at, state, event.active) - event.at.p)
-            sine = _sine(aim, direction)
-            angle = dr.atan2(sine, dr.dot(aim, direction))
-            total += self.around.density(angle) / (dr.two_pi * sine)
+            total += self.around.density_about(aim, direction)
         if self.world.sun is not None:
             total += self.medium.scattering_towards(event.k, self._in_sun(event.at), direction, event.active)[1]
         return total / self.guides
@@ -301,7 +301,7 @@ class LampWalk:
     def _in_sun(self, at):
         """Return a place as light that travels towards the sun reaches it: scattered, it goes on around the sun."""
         towards = self.world.sun.towards
-        return _interaction(at.p, -towards, at.time, at.wavelengths)
+        return interaction(at.p, -towards, at.time, at.wavelengths)
 
 
 class _Event:
@@ -336,22 +336,6 @@ class _Event:
         return dr.select(self.at_body, self.si.spawn_ray(direction).o, self.at.p)
 
 
-def _channel(uniform):
-    return dr.minimum(mi.UInt32(uniform * _WAVELENGTHS), _WAVELENGTHS - 1)
-
-
 def _water(point, ray):
     """Return an interaction with the water at `point` of light that travels backwards along `ray`."""
-    return _interaction(point, -ray.d, ray.time, ray.wavelengths)
-
-
-def _interaction(point, wi, time, wavelengths):
-    at = dr.zeros(mi.MediumInteraction3f)
-    at.p, at.time, at.wavelengths, at.wi = point, time, wavelengths, wi
-    at.sh_frame = mi.Frame3f(wi)
-    return at
-
-
-def _sine(first, second):
-    """Sine of the angle between two unit vectors, never 0."""
-    return dr.maximum(dr.norm(dr.cross(first, second)), _TINY)
+    return interaction(point, -ray.d, ray.time, ray.wavelengths)

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from uwsim.render.angles import place_by_angle
+from uwsim.render.medium import channel_of, interaction
 
 _CANDIDATES = 16  # vertices among which a point on a body draws
 _LEAST_VERTICES, _MOST_VERTICES = 8, 4096  # for each set of time and wavelengths
@@ -116,12 +117,12 @@ class LampSide:
             within = 1 - dr.exp(-medium.depth(k, ray.o, ray.d, met.length, active))
             collision = dr.mean(within)
             active &= sampler.next_1d(active) < collision
-            channel = dr.minimum(mi.UInt32(sampler.next_1d(active) * 4), 3)
+            channel = channel_of(sampler.next_1d(active))
             distance, survived, density = medium.draw_distance(
                 k, ray, met.length, within, channel, sampler.next_1d(active), active
             )
             power *= survived / dr.maximum(density * collision, 1e-30)
-            at = _collision(ray(distance), ray.d, ray.time, ray.wavelengths)
+            at = interaction(ray(distance), -ray.d, ray.time, ray.wavelengths)
             strength = dr.select(active, dr.mean(power), 0.0)
             total += strength
             # each collision stays with the probability that its power has among those before and itself
@@ -147,16 +148,16 @@ class LampSide:
         active = active & (weight > 0)
         place = dr.gather(mi.Point3f, self.place, index, active)
         arrived = dr.gather(mi.Vector3f, self.direction, index, active)
-        at = _collision(place, arrived, si.time, si.wavelengths)
+        at = interaction(place, -arrived, si.time, si.wavelengths)
         direction = self._onwards(si, at, k, sampler, active)
         first, drawn = self.medium.scattering_towards(k, at, direction, active)
-        drawn = dr.lerp(drawn, self._around_density(si.p - place, direction), _AROUND)
+        drawn = dr.lerp(drawn, self.around.density_about(dr.normalize(si.p - place), direction), _AROUND)
         ray = mi.Ray3f(place, direction, si.time, si.wavelengths)
         length = self.world.meet(ray, active).length
         distance, density = place_by_angle(self.along, si.p, ray, length, sampler.next_1d(active), active)
         active &= density > 0
 
-        at = _collision(ray(distance), direction, si.time, si.wavelengths)
+        at = interaction(ray(distance), -direction, si.time, si.wavelengths)
         offset = si.p - at.p
         reach = dr.maximum(dr.norm(offset), _TINY)
         towards = offset / reach
@@ -174,16 +175,8 @@ class LampSide:
         """Return a direction from a collision, drawn as it scatters or around the direction to a point."""
         choice, sample = sampler.next_1d(active), sampler.next_2d(active)
         own = self.medium.scattered_direction(k, at, choice, sample, active)
-        sine, cosine = dr.sincos(self.around.angle_with_mass_beyond(sample.x))
-        turn_sine, turn_cosine = dr.sincos(dr.two_pi * sample.y)
-        frame = mi.Frame3f(dr.normalize(si.p - at.p))
-        towards = frame.to_world(mi.Vector3f(sine * turn_cosine, sine * turn_sine, cosine))
+        towards = self.around.direction_about(dr.normalize(si.p - at.p), sample)
         return dr.select(sampler.next_1d(active) < _AROUND, towards, own)
-
-    def _around_density(self, offset, direction):
-        sine = dr.maximum(dr.norm(dr.cross(dr.normalize(offset), direction)), _TINY)
-        angle = dr.atan2(sine, dr.dot(dr.normalize(offset), direction))
-        return self.around.density(angle) / (dr.two_pi * sine)
 
     @dr.syntax
     def _chosen(self, si, k, sampler, active):
@@ -217,11 +210,3 @@ class LampSide:
         turned = self.along.phase(angle) * self.along.all_around + self.along.mass_beyond(angle) / sine
         left = dr.exp(-attenuation * reach) / reach
         return dr.gather(mi.Float, self.strength, index, active) * turned * left
-
-
-def _collision(place, direction, time, wavelengths):
-    """Return an interaction with the water of light that travels along `direction`."""
-    at = dr.zeros(mi.MediumInteraction3f)
-    at.p, at.time, at.wavelengths, at.wi = place, time, wavelengths, -direction
-    at.sh_frame = mi.Frame3f(-direction)
-    return at

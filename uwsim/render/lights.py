@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from uwsim.optics.natural_light import surface_transmittance
+from uwsim.render.medium import spectrum_at
 from uwsim.render.shapes import spectrum
 
 
@@ -24,7 +25,7 @@ class Arriving(NamedTuple):
 
 
 class LampLight:
-    """A lamp of the rig, seen straight or, with `mirrored`, by reflection at the water surface z = 0."""
+    """A lamp of the rig, seen straight or, with `surface`, by reflection at the water surface z = 0."""
 
     def __init__(self, lamp, *, surface: "Surface | None" = None):
         self.lamp, self.surface = lamp, surface
@@ -77,9 +78,7 @@ class SunLight:
         end = ray(length * (1 - 1e-4))
         visible = active & ~world.blocked(at, end, active)
         depth = world.medium_depth(coefficients, at.p, self.towards, length, visible)
-        si = dr.zeros(mi.SurfaceInteraction3f)
-        si.wavelengths = at.wavelengths
-        return Arriving(self.towards, self.irradiance.eval(si, active), depth, visible)
+        return Arriving(self.towards, spectrum_at(self.irradiance, at.wavelengths), depth, visible)
 
 
 class Surface:
@@ -107,11 +106,9 @@ class Surface:
 
     def sky(self, cosine, wavelengths):
         """Radiance just below the surface that arrives from above at the cosine of its angle in the water."""
-        si = dr.zeros(mi.SurfaceInteraction3f)
-        si.wavelengths = wavelengths
         shape = (1 + 2 * self._cosine_in_air(cosine)) / 3 if self.cardioidal else mi.Float(1.0)
         # radiance over the square of the index is conserved, but for what is reflected
-        return self.zenith.eval(si) * shape * dr.square(self.index) * (1 - self.reflectance(cosine))
+        return spectrum_at(self.zenith, wavelengths) * shape * dr.square(self.index) * (1 - self.reflectance(cosine))
 
 
 def _mirror(vector):

@@ -11,14 +11,15 @@ from uwsim.render.build import LEAST_ATTENUATION_PER_M, Built
 from uwsim.render.shapes import spectrum
 
 _FAR_M = 1e6
+_WAVELENGTHS = 4
 
 
 class Coefficients:
     """Attenuation c and scattering b of the scene's water and of each added one at the wavelengths of the paths."""
 
     def __init__(self, medium: "Medium", wavelengths):
-        self.c, self.b = _at(medium.attenuation, wavelengths), _at(medium.scattering, wavelengths)
-        self.added = [(_at(c, wavelengths), _at(b, wavelengths)) for c, b in medium.added]
+        self.c, self.b = spectrum_at(medium.attenuation, wavelengths), spectrum_at(medium.scattering, wavelengths)
+        self.added = [(spectrum_at(c, wavelengths), spectrum_at(b, wavelengths)) for c, b in medium.added]
 
 
 class Medium:
@@ -200,11 +201,24 @@ class _Grid:
         return columns, stopped
 
 
-def _at(texture, wavelengths):
+def spectrum_at(texture, wavelengths):
     """Return a spectrum at the wavelengths of the rays."""
     si = dr.zeros(mi.SurfaceInteraction3f)
     si.wavelengths = wavelengths
     return texture.eval(si)
+
+
+def interaction(point, wi, time, wavelengths):
+    """Return an interaction with the water at a point; `wi` leads back to where the path, or the light, came from."""
+    at = dr.zeros(mi.MediumInteraction3f)
+    at.p, at.time, at.wavelengths, at.wi = point, time, wavelengths, wi
+    at.sh_frame = mi.Frame3f(wi)
+    return at
+
+
+def channel_of(uniform):
+    """Return the number of one of the wavelengths that a ray carries."""
+    return dr.minimum(mi.UInt32(uniform * _WAVELENGTHS), _WAVELENGTHS - 1)
 
 
 def pick(values, channel):

@@ -89,14 +89,13 @@ def transmission(
     water = Water("attenuating", attenuation, np.zeros_like(attenuation), phase.constant([0.0], [1.0]))
     medium = load_medium(mi, water, even_if_empty=added is not None)
     world = World(dataclasses.replace(built, water=water, medium=medium, added=added))
-    lights = world.lamps + ([] if world.sun is None else [world.sun])
 
     def estimate(rays, sampler, _sets):
         k = None if world.medium is None else world.medium.coefficients(rays.wavelengths)
         met = world.meet(rays, mi.Bool(True))
         own = world.medium_depth(k, rays.o, rays.d, dr.select(met.body, met.length, 0.0), met.body)
         seen, unattenuated = mi.Spectrum(0.0), mi.Spectrum(0.0)
-        for light in lights:
+        for light in world.lights:
             came = light.arriving(met.si, mi.Point2f(0.5), world, k, met.body)
             bsdf = met.si.bsdf().eval(mi.BSDFContext(), met.si, met.si.to_local(came.direction), came.visible)
             reflected = dr.select(came.visible, came.irradiance * bsdf, 0.0)

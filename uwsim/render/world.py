@@ -32,6 +32,11 @@ class World:
             if daylight.sun_irradiance_w_per_m2 > 0:
                 self.sun = SunLight(daylight, refractive_index=built.refractive_index)
 
+    @property
+    def lights(self) -> list:
+        """All sources of unscattered light: lamps, their images in the surface, and the sun."""
+        return self.lamps + ([] if self.sun is None else [self.sun])
+
     def meet(self, ray, active) -> Meeting:
         """Return what a ray meets first."""
         si = self.scene.ray_intersect(ray, active)
