@@ -85,9 +85,10 @@ ABSORPTION = 0.3
 CAMERA_M, WALL_M = 1.5, 2.0
 
 
-def night(*, lamp_depth_m: float, water: dict, baffle: bool):
+def night(*, lamp_depth_m: float, water: dict, baffle: bool, upwards_deg: float = 0.0):
     """A wall 2 m from an isotropic lamp of 1 W/sr, seen from 0.5 m at the lamp's depth; a baffle hides the lamp."""
-    scene = slabs.scene_under({"sky_irradiance_w_per_m2": 1e-9}, water=water, refractive_index=INDEX)
+    up = np.radians(upwards_deg)
+    scene = slabs.scene_under({"sky_irradiance_w_per_m2": 1.0}, water=water, refractive_index=INDEX)
     black = {"kind": "rectangle", "width_m": 20.0, "reflectance": 0.0}
     bodies = [
         {
@@ -99,15 +100,17 @@ def night(*, lamp_depth_m: float, water: dict, baffle: bool):
         place = {"position_m": [0.0, 1.0, -0.3 - 5.0], "towards_m": [0.0, 0.0, -5.3]}
         bodies.append(black | {"name": "baffle", "height_m": 10.0} | place)
     lamp = {
-        "position_m": [0.0, 0.0, -CAMERA_M], "look_at_m": [0.0, 0.0, 0.0], "radiant_intensity_w_per_sr": 1.0,
-        "beam": {"angles_deg": [0.0, 180.0], "values": [1.0, 1.0]}, "spectrum": "E",
+        "position_m": [0.0, -CAMERA_M * np.sin(up), -CAMERA_M * np.cos(up)], "look_at_m": [0.0, 0.0, 0.0],
+        "radiant_intensity_w_per_sr": 1.0, "beam": {"angles_deg": [0.0, 180.0], "values": [1.0, 1.0]}, "spectrum": "E",
     }  # fmt: skip
     camera = {"width_px": 4, "height_px": 4, "horizontal_fov_deg": 0.2, "response": scenes.RESPONSE}
     rig = {
-        "position_m": [0.0, CAMERA_M, -lamp_depth_m], "look_at_m": [0.0, WALL_M, -lamp_depth_m],
+        "position_m": [0.0, CAMERA_M, -lamp_depth_m],
+        "look_at_m": [0.0, CAMERA_M + np.cos(up), -lamp_depth_m + np.sin(up)],
         "camera": camera, "lamps": [lamp],
     }  # fmt: skip
-    return scenes.Scene.model_validate(scene.model_dump() | {"bodies": bodies, "rig": rig})
+    dark = {"spectrum": "E"}
+    return scenes.Scene.model_validate(scene.model_dump() | {"bodies": bodies, "rig": rig, "daylight": dark})
 
 
 def reflectance_below(angle_rad):
@@ -147,6 +150,31 @@ def test_wall_lit_by_way_of_the_surface(lamp_depth_m, one_segment):
     assert_mean_matches(found(False), mirrored + direct, **rule)
     with pytest.raises(AssertionError, match="biased"):
         assert_mean_matches(found(True), 1.03 * mirrored, **rule)
+
+
+def test_wall_seen_by_way_of_the_surface(monkeypatch):
+    """Setup: as above without baffle, the camera looks up by 30 deg: total reflection, then the wall. Expected: that
+    point's radiance by lamp and mirror image, all of it direct: a reflection at the surface is no event. Tolerance:
+    Monte Carlo (0.2 %), model 3e-3 (narrow view). Negative control: 3 % more; forward scatter is 0."""
+    from uwsim.render import integrator
+
+    monkeypatch.setattr(integrator, "MOST_SEGMENTS", 2)  # no light that the wall sends to the surface and back
+    water = slabs.tabulated(absorption_per_m=ABSORPTION, scattering_per_m=0.0, phase=HG)
+    depth_m, up = 0.1, np.radians(30.0)
+    seen_m, wall_depth_m = (WALL_M - CAMERA_M) / np.cos(up), (WALL_M - CAMERA_M) * np.tan(up) - depth_m
+    ways = [np.hypot(WALL_M, wall_depth_m - depth_m), np.hypot(WALL_M, wall_depth_m + depth_m)]
+    parts = [0.5 / np.pi * WALL_M / way**3 * np.exp(-ABSORPTION * (way + seen_m)) * slabs.PER_NM for way in ways]
+
+    scene = night(lamp_depth_m=depth_m, water=water, baffle=False, upwards_deg=30.0)
+
+    def found(layer):
+        return scenes.replicates(scene, water=scene.water.optical(), samples=256, count=8, layer=layer)
+
+    rule = {"max_relative_standard_error": 0.002, "model_tolerance": 3e-3}
+    assert_mean_matches(found("direct"), sum(parts), **rule)
+    assert np.all(found("forward_scatter") == 0)
+    with pytest.raises(AssertionError, match="biased"):
+        assert_mean_matches(found("direct"), 1.03 * sum(parts), **rule)
 
 
 @pytest.mark.parametrize("lamp_depth_m", [0.7, 0.25])

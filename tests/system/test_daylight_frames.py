@@ -54,3 +54,22 @@ def test_added_water_dims_the_transmission():
     assert ratio.max() <= 1 + 1e-5
     assert ratio.min() < 0.9
     assert np.median(ratio[:, -4:]) < np.median(ratio[:, :4])  # the plume stands on the right
+
+
+def test_the_description_of_a_frame_in_daylight():
+    """Sun, sky and added water stand in frame.json as the scene gives them; a scene without has neither."""
+    from uwsim.dataset.make import make_frame
+
+    def described(name):
+        made = make_frame(small(name, width_px=8, height_px=6), name="f", group="g", seed=1, frame=0,
+                          samples_per_pixel=4, batches=2)  # fmt: skip
+        return made["info"]
+
+    day = described("shallow_daylight")
+    scene = load_scene("shallow_daylight")
+    assert day.daylight.sun_zenith_deg == scene.daylight.sun_zenith_deg
+    assert day.daylight.refractive_index == scene.water.refractive_index
+    assert np.trapezoid(day.daylight.relative_spectrum_per_nm, day.water.wavelengths_nm) == pytest.approx(1, abs=1e-6)
+    assert day.added_water == ()
+    plume = described("plume")
+    assert [added["kind"] for added in plume.added_water] == [a.kind for a in load_scene("plume").added_water]

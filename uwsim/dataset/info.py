@@ -157,6 +157,19 @@ class Water(_Strict):
     bands: WaterBands
 
 
+class Daylight(_Strict):
+    """Sun and sky above the flat water surface; see `uwsim.scene.daylight`."""
+
+    sun_zenith_deg: float
+    sun_azimuth_deg: float
+    sun_irradiance_w_per_m2: float
+    sky_irradiance_w_per_m2: float
+    sky: Literal["uniform", "cardioidal"]
+    spectrum: str
+    relative_spectrum_per_nm: Spectrum
+    refractive_index: float
+
+
 class Body(_Strict):
     name: str
     kind: str
@@ -260,6 +273,8 @@ class FrameInfo(_Strict):
     sensor: Sensor
     lamps: tuple[Lamp, ...]
     water: Water
+    added_water: tuple[dict, ...] = ()
+    daylight: Daylight | None = None
     bodies: tuple[Body, ...]
     particles: tuple[dict, ...] = ()
     sub_frames: int = 1

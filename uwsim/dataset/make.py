@@ -131,6 +131,8 @@ def _describe(scene: Scene, rendered: Rendered, sensor_entry: dict, **identity) 
             "sensor": sensor_entry,
             "lamps": [_lamp(lamp, world_from_camera, n_water=scene.water.refractive_index) for lamp in scene.rig.lamps],
             "water": _water(scene),
+            "added_water": [added.model_dump(mode="json") for added in scene.added_water],
+            "daylight": scene.daylight and _daylight(scene.daylight, n_water=scene.water.refractive_index),
             "bodies": [_body(body, instance, camera["times_s"]) for instance, body in numbered(scene.bodies)],
             "particles": [body.model_dump(mode="json") for body in scene.bodies if isinstance(body, MarineSnow)],
             "sub_frames": rendered.sub_frames,
@@ -192,6 +194,14 @@ def _lamp(lamp, world_from_rig: np.ndarray, *, n_water: float) -> dict:
         keys = ("beam_azimuths_deg", "beam_angles_deg", "beam_table")
         entry |= {key: values.tolist() for key, values in zip(keys, lamp.ies_table, strict=True)}
     return entry
+
+
+def _daylight(daylight, *, n_water: float) -> dict:
+    return daylight.model_dump(exclude={"spectrum"}) | {
+        "spectrum": daylight.spectrum if isinstance(daylight.spectrum, str) else "table",
+        "relative_spectrum_per_nm": daylight.relative_spectrum.tolist(),
+        "refractive_index": n_water,
+    }
 
 
 def _water(scene: Scene) -> dict:

@@ -87,11 +87,11 @@ class Accumulator:
 
         count = height * self.view.width_px * samples
         self._sampler.seed(mi.UInt32(_launch_seed(self.seed, batch, top, share, part)), count)
-        rays, weights, sets = self._film.rays(
+        rays, weights = self._film.rays(
             self.built.world_from_camera, self._sampler, top, samples, count,
             _launch_seed(self.seed, batch, top, share), part=part, parts=self.parts,
         )  # fmt: skip
-        values = self.estimate(rays, self._sampler, sets)
+        values = self.estimate(rays, self._sampler)
         bands = [[dr.mean(value * weight) for weight in weights] for value in values]
         # all at once: a sum over blocks evaluates what it is given, and with it the whole loop again
         dr.eval(bands)
@@ -116,7 +116,7 @@ class Accumulator:
 def accumulate(built, view, estimate, *, samples_per_pixel, batches, seed, progress=None) -> Sums:
     """Return the sums of `samples_per_pixel` samples in `batches` equal batches.
 
-    estimate: (rays, sampler, sets) -> list of spectra, one for each quantity.
+    estimate: (rays, sampler) -> list of spectra, one for each quantity.
     progress: called with (launches done, launches in all).
     """
     accumulator = Accumulator(built, view, estimate, samples_per_batch=samples_per_pixel // batches, seed=seed)

@@ -25,12 +25,7 @@ class AngleTable:
         self.log_step = float((np.log(edges[-1]) - self.log_first) / (self.bins - 1))
         self.edges = mi.Float(edges.astype(np.float32))
         self.beyond = mi.Float(beyond.astype(np.float32))
-        heights = mass / np.diff(edges)
-        self.heights = mi.Float(heights.astype(np.float32))
-        # as that of a phase function p along a ray: p is the density over this, and all that arrives around a source
-        solid = 2 * np.pi * np.sum(heights * -np.diff(np.cos(edges)))
-        self.phase_norm = dr.opaque(mi.Float, float(1 / solid))
-        self.all_around = dr.opaque(mi.Float, float(2 * np.pi * np.sum((beyond[:-1] - 0.5 * mass) * np.diff(edges))))
+        self.heights = mi.Float((mass / np.diff(edges)).astype(np.float32))
 
     def _bin(self, angle):
         index = dr.floor((dr.log(dr.maximum(angle, 1e-12)) - self.log_first) / self.log_step)
@@ -39,10 +34,6 @@ class AngleTable:
     def density(self, angle):
         """Density at an angle. [1/rad]"""
         return dr.gather(mi.Float, self.heights, self._bin(angle))
-
-    def phase(self, angle):
-        """Phase function in proportion to the density, 1 over the sphere. [1/sr]"""
-        return self.density(angle) * self.phase_norm
 
     def direction_about(self, axis, sample):
         """Return a direction whose angle to a unit vector is drawn from the table, the turn about it evenly."""

@@ -13,7 +13,6 @@ from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.render.shapes import tensor
 
 BANDS = 3
-_SETS = 256  # of times and wavelengths in a launch, at least as many as samples per pixel
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def view_of(scene) -> View:
     if scene.rig.lamps:
         lamps = sum(lamp.intensity_w_per_sr * lamp.relative_spectrum for lamp in scene.rig.lamps)
         light = lamps / lamps.max()
-    if scene.daylight is not None:
+    if scene.daylight is not None and not scene.daylight.is_dark:
         light = light + scene.daylight.relative_spectrum / scene.daylight.relative_spectrum.max()
     importance = (response / np.trapezoid(response, WAVELENGTHS_NM, axis=0)).sum(axis=1)
     importance = importance * (light / light.max())
@@ -113,7 +112,7 @@ class Film:
         self, world_from_camera: np.ndarray, sampler, top: int, per_pixel: int, count: int, seed: int,
         *, part: int = 0, parts: int = 1,
     ):  # fmt: skip
-        """Return `count` rays, pixel by pixel from row `top`, per band the weight of each wavelength, and `Sets`.
+        """Return `count` rays, pixel by pixel from row `top`, and per band the weight of each wavelength.
 
         Their times are those of the `part`, from 0, of `parts` equal ones of the exposure; the `per_pixel` rays of all
         parts together are stratified, if `seed` is the same for all.
@@ -122,13 +121,16 @@ class Film:
         import mitsuba as mi
 
         index = dr.arange(mi.UInt32, count)
-        per_pixel_count, per_pixel = per_pixel, dr.opaque(mi.UInt32, per_pixel)
-        pixel = index // per_pixel
+        in_all, before = dr.opaque(mi.UInt32, per_pixel * parts), dr.opaque(mi.UInt32, per_pixel * part)
+        per_pixel = dr.opaque(mi.UInt32, per_pixel)
+        pixel, sample = index // per_pixel, index % per_pixel + before
         x, y = pixel % self.view.width_px, pixel // self.view.width_px + dr.opaque(mi.UInt32, top)
-        sets = Sets(self, seed=seed, per_pixel=per_pixel_count, part=part, parts=parts)
-        sets.index = sets.choose(pixel) * per_pixel + index % per_pixel
-        place = sampler.next_2d()
-        time, wavelengths, pdf = sets.drawn(sets.index)
+        place, time_shift, wavelength_shift = sampler.next_2d(), sampler.next_1d(), sampler.next_1d()
+        # Time and wavelength are both stratified over the samples of a pixel. A random offset per pixel and launch
+        # between the two orders makes every pairing equally likely: without it the estimate would be biased.
+        time = (mi.Float(sample) + time_shift) / mi.Float(in_all)
+        order = (sample + mi.sample_tea_32(pixel, dr.opaque(mi.UInt32, seed))[0] % in_all) % in_all
+        wavelengths, pdf = self._draw_wavelengths((mi.Float(order) + wavelength_shift) / mi.Float(in_all))
 
         sensor = self._sensor_on(world_from_camera)
         ray, seen = sensor.rays(mi.Point2f(mi.Float(x) + place.x, mi.Float(y) + place.y), time)
@@ -140,8 +142,7 @@ class Film:
             for channel in range(4):
                 weight[channel] = response.eval_pdf_normalized(wavelengths[channel]) / pdf[channel]
             weights.append(weight * seen)
-        # with a rolling shutter the rows of a set differ in time
-        return rays, weights, None if self.view.shutter.readout_s > 0 else sets
+        return rays, weights
 
     def _sensor_on(self, world_from_camera: np.ndarray):
         """Return the sensor on a path, the one before if the path is the same."""
@@ -152,7 +153,7 @@ class Film:
             self.poses = world_from_camera
         return self.sensor
 
-    def draw_wavelengths(self, uniform):
+    def _draw_wavelengths(self, uniform):
         """Return four wavelengths for uniform numbers, and their densities."""
         import drjit as dr
         import mitsuba as mi
@@ -163,53 +164,3 @@ class Film:
             inside = dr.clip(shifted[channel], 2e-7, 1 - 2e-7)  # at 0 and 1 the density may be 0
             wavelengths[channel], pdf[channel] = self.wavelengths.sample_pdf(inside)
         return wavelengths, pdf
-
-
-class Sets:
-    """Times in the exposure and wavelengths of a launch: few enough that light paths can share them with rays.
-
-    Time and wavelength are both stratified over the samples of a pixel: of `groups` groups of sets, with an offset each
-    between the two orders, a pixel takes one. Every pairing of time and wavelength is equally likely, without which the
-    estimate would be biased. `index` (of each ray), `count` of sets, `seed` for what else is drawn with them.
-    """
-
-    def __init__(self, film: Film, *, seed: int, per_pixel: int, part: int, parts: int):
-        import drjit as dr
-        import mitsuba as mi
-
-        self.film, self.index = film, None
-        self.groups = max(1, _SETS // per_pixel)
-        self.count = self.groups * per_pixel
-        self.seed = dr.opaque(mi.UInt32, (seed ^ 0x5BD1E995) + part)
-        self._seed, self._per_pixel = dr.opaque(mi.UInt32, seed), dr.opaque(mi.UInt32, per_pixel)
-        self._before, self._in_all = dr.opaque(mi.UInt32, part * per_pixel), dr.opaque(mi.UInt32, parts * per_pixel)
-
-    def choose(self, pixel):
-        """Return the group of a pixel."""
-        import mitsuba as mi
-
-        return mi.sample_tea_32(pixel, self._seed)[0] % self.groups
-
-    def drawn(self, index):
-        """Return time in [0, 1), wavelengths and their densities of a set."""
-        import mitsuba as mi
-
-        group, sample = index // self._per_pixel, index % self._per_pixel + self._before
-        key = group * self._in_all + sample
-        first, second = mi.sample_tea_32(key, self._seed + 1)
-        offset = mi.sample_tea_32(group, self._seed + 2)[0]
-        order = (sample + offset % self._in_all) % self._in_all
-        time = (mi.Float(sample) + _unit(first)) / mi.Float(self._in_all)
-        wavelengths, density = self.film.draw_wavelengths((mi.Float(order) + _unit(second)) / mi.Float(self._in_all))
-        return time, wavelengths, density
-
-    def draw(self, index):
-        """Return time and wavelengths of a set."""
-        return self.drawn(index)[:2]
-
-
-def _unit(bits):
-    """Return uniform numbers in [0, 1) from 32 random bits."""
-    import mitsuba as mi
-
-    return mi.Float(bits >> 8) * (1 / (1 << 24))

@@ -6,10 +6,11 @@ A path is followed from the camera. Every segment of it brings, without waiting 
     lamp cancels, so that passing close to a lamp is no rare, huge event (see `angles`), and
   - the sky where it ends at the water surface.
 Then the path collides in the water or reaches the body, and goes on in a direction drawn partly as the event itself
-would choose it and partly as light arrives that was scattered near a lamp or near the sun's direction. Light that
-particles send to bodies far from the lamps is found from the lamps' side instead (see `lamp_side`). A path
-sees a lamp of finite size, or of several LEDs, through one point of it; over many paths that is the whole lamp. All
-orders of scattering, unbiased; the layers are sums over the same paths.
+would choose it and partly as light arrives that was scattered near a lamp or near the sun's direction. Whether it is
+followed further depends on its weight and on how bright it is where it is and where it goes: a path that has turned
+back towards a lamp weighs little and brings much. A path sees a lamp of finite size, or of several LEDs, through one
+point of it; over many paths that is the whole lamp. All orders of scattering, unbiased; the layers are sums over the
+same paths.
 
 Source: next-event estimation and multiple importance sampling (Veach 1997, chapter 9), over wavelengths too
 (Wilkie et al. 2014, Comput. Graph. Forum 33:123); the change of variables of Kulla & Fajardo 2012 (Comput. Graph. Forum
@@ -22,7 +23,6 @@ import mitsuba as mi
 
 from uwsim.render.angles import angle_density, place_by_angle, scattering_tables
 from uwsim.render.build import Built
-from uwsim.render.lamp_side import Emission, LampSide
 from uwsim.render.medium import channel_of, interaction, pick
 from uwsim.render.world import World
 
@@ -33,10 +33,12 @@ ORDERS = ("direct_unscattered", "backscatter_single")
 MOST_SEGMENTS = 1 << 20  # of a path, from the camera; 1 keeps what was scattered or reflected once
 
 _FIRST_COLLISION = 0.5  # least probability of a collision before the body that the camera sees
-_DEEP = 2.5  # optical distance of a body from the lamps beyond which scattered light is found from the lamps' side
 _GUIDED_IN_WATER = 0.2  # share of directions drawn around the lamps and the sun
 _GUIDED_AT_BODY = 0.5
 _ROULETTE_DEPTH = 5
+_MOST_SURVIVAL = 0.998  # near 1: in water that hardly absorbs, weights of long paths must not grow
+_MOST_BRIGHTER = 1e6
+_NEAR_M, _FAR_M = 1e-3, 1e6
 _TINY = 1e-7
 
 
@@ -49,16 +51,10 @@ class LampWalk:
         self.guides = len(self.world.lamps) + (self.world.sun is not None) if self.medium is not None else 0
         if self.medium is not None:
             self.along, self.around = scattering_tables(built.water.phase)
-            self.emissions = [Emission(light.lamp) for light in self.world.lamps if light.surface is None]
 
     @dr.syntax
-    def __call__(self, rays, sampler, sets=None):
-        """Return the radiance of each ray by LAYERS, then by ORDERS, as spectra.
-
-        sets: times and wavelengths that rays share (`film.Sets`); with them light that reaches bodies by way of
-        particles comes by paths from the lamps (see `lamp_side`), without them by those from the camera alone.
-        """
-        lamp_side = self._lamp_side(sets)
+    def __call__(self, rays, sampler):
+        """Return the radiance of each ray by LAYERS, then by ORDERS, as spectra."""
         world, medium = self.world, self.medium
         k = None if medium is None else medium.coefficients(rays.wavelengths)
         state = sampler.next_2d()  # the point of the lamps that this path sees
@@ -70,7 +66,8 @@ class LampWalk:
         throughput = mi.Spectrum(1.0)  # weight of what the next segment brings
         from_body = mi.Bool(False)  # the last event before the camera was a body
         met_body = mi.Bool(False)  # some event was a body
-        served = mi.Bool(False)  # what particles send to the last body has been brought
+        first = mi.Bool(True)  # no event so far; a reflection at the water surface is none
+        farthest = mi.Float(0.0)  # distance of an event from the lamps
         depth, active = mi.UInt32(0), mi.Bool(True)
 
         while active:
@@ -80,22 +77,13 @@ class LampWalk:
                 passed = dr.exp(-medium.depth(k, ray.o, ray.d, met.length, active))
 
             # ---- what the segment brings, by layer ----
-            first = depth == 0
             arrived = throughput * passed
             reflected = arrived * self._reflected(met, k, state, met.body)
             entering = arrived * self._sky(ray, met.surface)
             entering += dr.select(first, self._lamps_seen(ray, met.length, k, active & first), 0.0)
             unscattered += dr.select(first & ~met.particle, reflected, 0.0) + dr.select(first, entering, 0.0)
             single += dr.select(first & met.particle, reflected, 0.0)
-            adrift = active
-            deep = mi.Bool(False)
-            if dr.hint(lamp_side is not None, mode="scalar"):
-                # what particles send to a deep body is brought here: no segment behind it may bring it again
-                deep = met.body & self._deep(met.si, k, state, met.body)
-                reflected += arrived * lamp_side.reflected(met, k, sampler, deep)
-                reflected += arrived * self._reflected_once(met.si, ray, k, state, sampler, deep)
-                adrift = active & ~served
-            scattered = throughput * self._scattered_once(ray, met.length, k, state, sampler, adrift)
+            scattered = throughput * self._scattered_once(ray, met.length, k, state, sampler, active)
             single += dr.select(first, scattered, 0.0)
             seen = dr.select(met.particle, 0.0, reflected)
             scattered += reflected - seen
@@ -131,9 +119,7 @@ class LampWalk:
             # ---- the direction in which the path goes on ----
             event = _Event(medium, _water(place, ray), met.si, at_body, collides, k)
             guided = dr.select(at_body, mi.Float(_GUIDED_AT_BODY), _GUIDED_IN_WATER)
-            served = dr.select(at_body, deep, served)
-            guided = dr.select(served, 0.0, guided)
-            direction, weight = self._onwards(event, state, sampler, guided)
+            direction, weight, promise = self._onwards(event, state, sampler, guided)
             origin = event.origin(direction)
             if dr.hint(world.surface is not None, mode="scalar"):
                 mirror = world.surface.reflectance(ray.d.z)
@@ -146,30 +132,17 @@ class LampWalk:
             ray = mi.Ray3f(origin, direction, ray.time, ray.wavelengths)
             from_body |= first & at_body & ~met.particle
             met_body |= at_body & ~met.particle
+            first &= reflects
             depth += 1
 
-            # ---- Russian roulette ----
-            survival = dr.select(depth > _ROULETTE_DEPTH, dr.minimum(dr.max(throughput), 0.95), 1.0)
+            # ---- Russian roulette, by weight and by the light that is to be expected ----
+            brighter, farthest = self._brighter(event.at, farthest, k, state, active)
+            survival = dr.minimum(dr.max(throughput) * promise * brighter, _MOST_SURVIVAL)
+            survival = dr.select((depth > _ROULETTE_DEPTH) & ~reflects, survival, 1.0)
             active &= (dr.max(throughput) > 0) & (depth < MOST_SEGMENTS) & (sampler.next_1d(active) < survival)
             throughput /= dr.maximum(survival, _TINY)
 
         return [direct, forward, backward, unscattered, single]
-
-    def _lamp_side(self, sets):
-        """Return light traced from the lamps at times and wavelengths of the rays; None where paths alone must do."""
-        # light that the water surface reflects on its way to a body is not found from the lamps' side
-        if sets is None or self.medium is None or not self.world.lamps or self.world.surface is not None:
-            return None
-        if MOST_SEGMENTS == 1:
-            return None
-        return LampSide(self.world, self.emissions, (self.along, self.around), sets)
-
-    def _deep(self, si, k, state, active):
-        """Whether a body is optically so far from all lamps that paths from it hardly find them."""
-        nearest = mi.Float(dr.inf)
-        for light in self.world.lamps:
-            nearest = dr.minimum(nearest, dr.norm(light.source(si, state, active) - si.p))
-        return dr.mean(k.c) * nearest > _DEEP
 
     def _reflected(self, met, k, state, active):
         """Radiance that a body sends back along the ray of light straight from lamps and sun."""
@@ -179,16 +152,6 @@ class LampWalk:
             bsdf = met.si.bsdf().eval(mi.BSDFContext(), met.si, met.si.to_local(came.direction), came.visible)
             total += dr.select(came.visible, bsdf * came.irradiance * dr.exp(-came.depth), 0.0)
         return total
-
-    def _reflected_once(self, si, ray, k, state, sampler, active):
-        """Radiance that a body sends back of light that particles scattered once on its way from the lamps."""
-        event = _Event(self.medium, _water(si.p, ray), si, active, mi.Bool(False), k)
-        direction, weight = self._onwards(event, state, sampler, mi.Float(_GUIDED_AT_BODY))
-        active = active & (dr.max(weight) > 0)  # not in place: that would change the caller's mask
-        onwards = mi.Ray3f(event.origin(direction), direction, ray.time, ray.wavelengths)
-        length = self.world.meet(onwards, active).length
-        once = self._scattered_once(onwards, length, k, state, sampler, active)
-        return dr.select(active, weight * once, 0.0)
 
     def _sky(self, ray, active):
         if self.world.surface is None:
@@ -260,19 +223,35 @@ class LampWalk:
         return distance, dr.select(active & dr.isfinite(distance) & dr.isfinite(density), density, 0.0)
 
     def _onwards(self, event, state, sampler, guided):
-        """Return the direction of the path's next segment, and value over density.
+        """Return the direction of the path's next segment, value over density, and how bright it promises to be.
 
-        guided: share of directions drawn around the lamps and the sun.
+        guided: share of directions drawn around the lamps and the sun. A promise of 1 is the average over directions.
         """
         direction = event.sample(sampler)
         if self.guides == 0:
             value, density = event.value(direction)
-            return direction, dr.select(event.active & (density > 0), value / density, 0.0)
+            return direction, dr.select(event.active & (density > 0), value / density, 0.0), mi.Float(1.0)
         towards = self._guiding_direction(event, state, sampler)
         direction = dr.select(sampler.next_1d(event.active) < guided, towards, direction)
         value, density = event.value(direction)
-        density = dr.lerp(density, self._guiding_density(event, direction, state), guided)
-        return direction, dr.select(event.active & (density > 0), value / density, 0.0)
+        around = self._guiding_density(event, direction, state)
+        density = dr.lerp(density, around, guided)
+        promise = dr.maximum(1.0, 4 * dr.pi * around)
+        return direction, dr.select(event.active & (density > 0), value / density, 0.0), promise
+
+    def _brighter(self, at, farthest, k, state, active):
+        """Return how much brighter it is at a place than where the path was farthest from the lamps; that distance.
+
+        A rough estimate, for the roulette: scattered light around a lamp falls as exp(-K d) / d with K about c / 2.
+        """
+        if not self.world.lamps or self.medium is None:
+            return mi.Float(1.0), farthest
+        near = mi.Float(_FAR_M)
+        for light in self.world.lamps:
+            near = dr.minimum(near, dr.norm(light.source(at, state, active) - at.p))
+        farthest = dr.maximum(farthest, near)
+        brighter = farthest / dr.maximum(near, _NEAR_M) * dr.exp(0.5 * dr.mean(k.c) * (farthest - near))
+        return dr.minimum(brighter, _MOST_BRIGHTER), farthest
 
     def _guiding_direction(self, event, state, sampler):
         """Return a direction drawn around a lamp or around the sun's."""

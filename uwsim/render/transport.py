@@ -29,7 +29,7 @@ def layers(
 
 
 def estimate(built: Built, *, orders: bool = False):
-    """Return the estimate, (rays, sampler, sets) -> [radiance, its layers], whose sums `pictures` takes.
+    """Return the estimate, (rays, sampler) -> [radiance, its layers], whose sums `pictures` takes.
 
     `orders`: with `integrator.ORDERS` after the layers.
     """
@@ -37,8 +37,8 @@ def estimate(built: Built, *, orders: bool = False):
 
     walk = LampWalk(built)
 
-    def estimated(rays, sampler, sets):
-        parts = walk(rays, sampler, sets)
+    def estimated(rays, sampler):
+        parts = walk(rays, sampler)
         layers = parts[: len(LAYERS)]
         return [sum(layers[1:], layers[0]), *(parts if orders else layers)]
 
@@ -69,7 +69,7 @@ def reference_radiance(
 
 def _reference(built: Built):
     integrator = built.scene.integrator()
-    return lambda rays, sampler, _sets: [integrator.sample(built.scene, sampler, rays, built.medium, True)[0]]
+    return lambda rays, sampler: [integrator.sample(built.scene, sampler, rays, built.medium, True)[0]]
 
 
 def transmission(
@@ -90,7 +90,7 @@ def transmission(
     medium = load_medium(mi, water, even_if_empty=added is not None)
     world = World(dataclasses.replace(built, water=water, medium=medium, added=added))
 
-    def estimate(rays, sampler, _sets):
+    def estimate(rays, sampler):
         k = None if world.medium is None else world.medium.coefficients(rays.wavelengths)
         met = world.meet(rays, mi.Bool(True))
         own = world.medium_depth(k, rays.o, rays.d, dr.select(met.body, met.length, 0.0), met.body)

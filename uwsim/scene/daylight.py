@@ -13,9 +13,9 @@ from uwsim.scene.base import NonNegative, Strict, Table
 class Daylight(Strict):
     """Sun and sky over a flat surface at z = 0, as irradiances of a horizontal plane above it over 400-700 nm.
 
-    The sun stands at `sun_zenith_deg` from the vertical, `sun_azimuth_deg` from world x towards y. The sky is uniform,
-    or cardioidal: three times brighter above than at the horizon. Valid: no waves, no polarisation, a sun without
-    extent.
+    Both 0: the surface at night, which reflects lamps and bodies. The sun stands at `sun_zenith_deg` from the vertical,
+    `sun_azimuth_deg` from world x towards y. The sky is uniform, or cardioidal: three times brighter above than at the
+    horizon. Valid: no waves, no polarisation, a sun without extent.
     """
 
     sun_zenith_deg: Annotated[float, Field(ge=0, lt=90)] = 30.0
@@ -27,10 +27,13 @@ class Daylight(Strict):
 
     @model_validator(mode="after")
     def _usable(self):
-        if self.sun_irradiance_w_per_m2 + self.sky_irradiance_w_per_m2 <= 0:
-            raise ValueError("sun and sky have no light; give sun_irradiance_w_per_m2 or sky_irradiance_w_per_m2")
         _ = self.relative_spectrum
         return self
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether neither sun nor sky has light."""
+        return self.sun_irradiance_w_per_m2 + self.sky_irradiance_w_per_m2 == 0
 
     @property
     def relative_spectrum(self) -> np.ndarray:

@@ -97,8 +97,8 @@ class Scene(Strict):
 
     @model_validator(mode="after")
     def _usable(self):
-        if not self.rig.lamps and self.daylight is None:
-            raise ValueError("no light: give rig.lamps or daylight")
+        if not self.rig.lamps and (self.daylight is None or self.daylight.is_dark):
+            raise ValueError("no light: give rig.lamps or daylight with a sun or a sky")
         self._check_added_water()
         names = [body.name for body in self.bodies]
         if len(set(names)) != len(names):

@@ -2,7 +2,6 @@
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from uwsim.render.lamp_window import FlatWindow
 from uwsim.render.moving import Frames
@@ -48,7 +47,6 @@ class LED(mi.Emitter):
         self.die_radius = dr.opaque(mi.Float, die_radius)
         self.window = props.get("window", "none")
         self._read_window(props)
-        self.front_m, self.enclosing_radius_m = self._reach(props)
         self.is_plain = self.window == "none" and self.leds is None and self.azimuths == 1 and not self.has_die
         self.m_flags = int(mi.EmitterFlags.DeltaPosition)
 
@@ -72,15 +70,6 @@ class LED(mi.Emitter):
                 raise ValueError("led: window dome: got several LEDs or a die, allowed: one point at its centre")
         elif self.window != "none":
             raise ValueError(f"led: window: got {self.window!r}, allowed: none, flat, dome")
-
-    def _reach(self, props):
-        """Return where on the axis the light enters the water, and a radius about there that holds all those places."""
-        if self.window == "flat":
-            return props["front"], 2 * props["radius"]
-        if self.window == "dome":
-            return 0.0, 2 * props["radius"]
-        places = self.leds.rows.numpy().reshape(-1, 3, 4)[:, :, 3] if self.leds is not None else np.zeros((1, 3))
-        return 0.0, max(0.05, 4 * (float(np.linalg.norm(places, axis=1).max()) + props.get("die_radius", 0.0)))
 
     def traverse(self, callback):
         callback.put("intensity", self.intensity, mi.ParamFlags.Differentiable)
