@@ -66,7 +66,7 @@ class LampWalk:
         throughput = mi.Spectrum(1.0)  # weight of what the next segment brings
         from_body = mi.Bool(False)  # the last event before the camera was a body
         met_body = mi.Bool(False)  # some event was a body
-        first = mi.Bool(True)  # no event so far; a reflection at the water surface is none
+        events = mi.UInt32(0)  # a reflection at the water surface is none
         farthest = mi.Float(0.0)  # distance of an event from the lamps
         depth, active = mi.UInt32(0), mi.Bool(True)
 
@@ -77,12 +77,14 @@ class LampWalk:
                 passed = dr.exp(-medium.depth(k, ray.o, ray.d, met.length, active))
 
             # ---- what the segment brings, by layer ----
+            first, second = events == 0, events == 1
             arrived = throughput * passed
             reflected = arrived * self._reflected(met, k, state, met.body)
             entering = arrived * self._sky(ray, met.surface)
             entering += dr.select(first, self._lamps_seen(ray, met.length, k, active & first), 0.0)
-            unscattered += dr.select(first & ~met.particle, reflected, 0.0) + dr.select(first, entering, 0.0)
-            single += dr.select(first & met.particle, reflected, 0.0)
+            unscattered += dr.select(first & ~met.particle, reflected, 0.0)
+            unscattered += dr.select(first | (second & from_body), entering, 0.0)
+            single += dr.select(first & met.particle, reflected, 0.0) + dr.select(second & ~from_body, entering, 0.0)
             scattered = throughput * self._scattered_once(ray, met.length, k, state, sampler, active)
             single += dr.select(first, scattered, 0.0)
             seen = dr.select(met.particle, 0.0, reflected)
@@ -132,7 +134,7 @@ class LampWalk:
             ray = mi.Ray3f(origin, direction, ray.time, ray.wavelengths)
             from_body |= first & at_body & ~met.particle
             met_body |= at_body & ~met.particle
-            first &= reflects
+            events += dr.select(reflects, 0, 1)
             depth += 1
 
             # ---- Russian roulette, by weight and by the light that is to be expected ----
