@@ -248,19 +248,22 @@ def check(folder: Annotated[Path, typer.Argument(help="Dataset folder")]) -> Non
 
 @app.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="restoration, blur, pose, or the path of a benchmark's TOML file")],
+    name: Annotated[
+        str, typer.Argument(help="restoration, blur, pose, validity, validity_chart, or a benchmark's TOML file")
+    ],
     dataset: Annotated[Path | None, typer.Option(help="Dataset folder; default: the one the benchmark names.")] = None,
     algorithm: Annotated[list[str] | None, typer.Option(help="Name, or path of your own .py file; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A reduced run of a few cases.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the page of validity, validity_chart.")] = None,
     json: JsonOut = None,
 ) -> None:
-    """Score algorithms against the truth: a Markdown table, and tidy JSON with --json."""
+    """Score algorithms against the truth: a Markdown table, tidy JSON with --json, a page of figures with --out."""
     from uwsim import commands
 
     if json not in (None, "-"):
         _parent(Path(json))
     with _progress() as report:
-        result = commands.run_benchmark(name, dataset, algorithms=algorithm, quick=quick, report=report)
+        result = commands.run_benchmark(name, dataset, algorithms=algorithm, quick=quick, report=report, out=out)
     if json is not None:
         _write_json(json, result.to_json())
     if json != "-":

@@ -162,18 +162,34 @@ def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report):
     return generate(loaded, out, where=path, resume=resume, progress=progress)
 
 
-def run_benchmark(name: str, dataset: Path | None, *, algorithms: list[str] | None, quick: bool, report: Report):
-    """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/."""
+def run_benchmark(
+    name: str, dataset: Path | None, *, algorithms: list[str] | None, quick: bool, report: Report,
+    out: Path | None = None,
+):  # fmt: skip
+    """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/.
+
+    quick: on few cases, of the benchmark's `quick_dataset` if it has one. out: folder for the page of validity.
+    """
     from uwsim.bench.definition import read_definition
     from uwsim.bench.run import run
+    from uwsim.bench.validity import page
     from uwsim.dataset import store
 
+    definition = read_definition(name)[1]
+    if out is not None:
+        _folder(out)
+        page.check(name, algorithms=algorithms)
     if dataset is None:
-        recipe = read_definition(name)[1].dataset
+        recipe = definition.quick_dataset if quick and definition.quick_dataset else definition.dataset
         dataset = Path("out") / Path(recipe).stem
         dataset.parent.mkdir(exist_ok=True)
         generate_dataset(recipe, dataset, resume=True, report=report)
-    return run(name, store.open(dataset), algorithms=algorithms, quick=quick, progress=report)
+    opened = store.open(dataset)
+    result = run(name, opened, algorithms=algorithms, quick=quick, progress=report)
+    if out is not None:
+        report("page", 0, 1)
+        page.write(out, result=result, dataset=opened)
+    return result
 
 
 def read_result(path: Path) -> dict:
@@ -251,13 +267,11 @@ def write_page(dataset: Path, out: Path, results: list[dict]) -> None:
 
 def demonstrate(out: Path, *, report: Report) -> Path:
     """Render the demo dataset (or finish it), run the benchmarks, write the report; return the page."""
-    from uwsim.bench.run import TASKS
-
     _folder(out)
     out.mkdir(exist_ok=True)
     generate_dataset("demo", out / "dataset", resume=True, report=report)
     results = []
-    for name in TASKS:
+    for name in ("restoration", "blur", "pose"):
         result = run_benchmark(name, out / "dataset", algorithms=None, quick=False, report=report)
         result.write(out / f"{name}.json")
         results.append(result.to_dict())

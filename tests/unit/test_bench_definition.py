@@ -27,7 +27,8 @@ def test_shipped_definitions_name_algorithms_that_exist(name):
     assert title == name
     assert definition.do_nothing in known
     assert definition.oracle in known
-    assert set(definition.algorithms or ()) <= set(known)
+    assert set(definition.algorithms or ()) <= {*known, *definition.variants}
+    assert {variant.algorithm for variant in definition.variants.values()} <= set(known)
 
 
 def test_a_path_is_read(tmp_path):

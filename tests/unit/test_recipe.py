@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uwsim.dataset.recipe import Choice, Recipe, Uniform, draw_scene, load_recipe, put
+from uwsim.dataset.recipe import Choice, Recipe, Uniform, draw_scene, load_recipe, put, resolved
 from uwsim.files import shipped
 from uwsim.validation import validated
 
@@ -118,6 +118,68 @@ def test_shipped_recipes_draw_all_their_scenes(path):
     assert made.name == path.stem
     drawn = [draw_scene(made, frame, where=where) for frame in range(made.frames)]
     assert len({scene.model_dump_json() for scene in drawn}) == made.frames
+
+
+GRID = [
+    {"set": {"rig.lamps.0.look_at_m": [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]], "exposure.time_s": [0.1, 0.2]}},
+    {"multiply": {"rig.lamps.0.half_angle_deg": [0.5, 1.0, 1.5], "rig.position_m": [1.0, 1.0, 1.0]}},
+]
+
+
+def grid_recipe(grid: list, **changes) -> Recipe:
+    group = {"name": "one", "scene": "tank_markers", "grid": grid} | changes
+    values = {"name": "test", "description": "", "seed": 1, "samples_per_pixel": 4, "batches": 2, "group": [group]}
+    return validated(Recipe, values, where="test")
+
+
+def test_a_grid_takes_all_combinations_the_last_axis_fastest():
+    made = grid_recipe(GRID)
+    assert made.frames == 6
+    base = half_angles(recipe({}, frames=1))[0]
+    drawn = scenes(made)
+    assert [scene.rig.lamps[0].half_angle_deg / base for scene in drawn] == pytest.approx([0.5, 1.0, 1.5] * 2)
+    moved = [(scene.rig.lamps[0].look_at_m[2], scene.exposure.time_s) for scene in drawn]
+    assert moved == [(1.0, 0.1)] * 3 + [(2.0, 0.2)] * 3  # keys of one axis move together
+    assert len({scene.model_dump_json() for scene in drawn}) == 6
+
+
+def test_axes_multiply_what_sets_axes_and_draws_put_there():
+    drawn = {"distribution": "in_order", "values": [10.0, 20.0]}
+    twice = [{"multiply": {HALF_ANGLE: [1.0, 2.0]}}, {"multiply": {HALF_ANGLE: [1.0, 1.5]}}]
+    assert half_angles(grid_recipe(twice, set={HALF_ANGLE: 20.0})) == pytest.approx([20, 30, 40, 60])
+    assert half_angles(grid_recipe(twice, draw={HALF_ANGLE: drawn})) == pytest.approx([10, 30, 20, 60])
+
+
+def test_groups_with_and_without_a_grid_are_numbered_through_and_recorded():
+    values = grid_recipe(GRID).model_dump()
+    values["group"] = [*values["group"], {"name": "two", "scene": "tank_markers", "frames": 2}]
+    made = validated(Recipe, values, where="test")
+    assert made.frames == 8
+    assert [made.locate(frame)[0].name for frame in range(8)] == ["one"] * 6 + ["two"] * 2
+    data = resolved(made)
+    assert "grid" in data["group"][0]
+    assert "grid" not in data["group"][1]
+    assert validated(Recipe, data, where="test") == made
+
+
+@pytest.mark.parametrize(
+    ("grid", "changes", "part"),
+    [
+        (GRID, {"frames": 6}, "frames: got 6 with a grid"),
+        ([], {}, "frames: missing"),
+        ([{"set": {"a": [1], "b": [1, 2]}}], {}, "same length"),
+        ([{"set": {}}], {}, "at least one"),
+        ([{"set": {"exposure.time_s": 1}}], {}, "allowed: a list"),
+        ([{"multiply": {"exposure.time_s": ["a"]}}], {}, "allowed: a number"),
+        ([{"multiply": {"bodies.0.kind": [2]}}], {}, "allowed: a number or a list of numbers"),
+        ([{"multiply": {"rig.lamps.0.power": [2]}}], {}, "no 'power' there"),
+        ([{"scale": {"exposure.time_s": [2]}}], {}, "unknown key, allowed: set, multiply"),
+    ],
+)
+def test_a_grid_that_is_none_is_refused_in_one_line(grid, changes, part):
+    with pytest.raises(ValueError, match=part) as caught:
+        draw_scene(grid_recipe(grid, **changes), 0, where="test")
+    assert "\n" not in str(caught.value)
 
 
 def test_put_finds_entries_by_name_and_number_and_makes_tables():

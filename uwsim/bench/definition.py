@@ -1,6 +1,5 @@
 """What a benchmark is: benchmarks/<name>.toml as a strict, frozen model."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -11,20 +10,43 @@ from uwsim.validation import validated
 Name = Annotated[str, Field(min_length=1)]
 
 
+class Variant(BaseModel):
+    """An algorithm file under another name: with keywords of its own, and for formation models fitted or not."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    algorithm: Annotated[Name, Field(description="the file")]
+    keywords: Annotated[dict[str, bool | int | float | str], Field(description="given to its function")] = {}
+    fitted: Annotated[bool, Field(description="its PARAMETERS are fitted to the truth of every case")] = False
+
+
 class Definition(BaseModel):
     """A benchmark: a task, the dataset it is scored on, and the algorithms that take part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
-    task: Annotated[Literal["restoration", "blur", "pose"], Field(description="which kind of algorithm is scored")]
+    task: Annotated[
+        Literal["restoration", "blur", "pose", "validity"], Field(description="which kind of algorithm is scored")
+    ]
     description: Annotated[Name, Field(description="one sentence for tables and reports")]
     dataset: Annotated[Name, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")]
+    quick_dataset: Annotated[Name | None, Field(description="recipe of a smaller dataset for quick runs")] = None
     algorithms: Annotated[
         tuple[Name, ...] | None, Field(description="names in table order; left out: every file in the folder")
     ] = None
+    variants: Annotated[dict[Name, Variant], Field(description="more algorithms, each made of a file")] = {}
     do_nothing: Annotated[Name, Field(description="the algorithm whose score is the one to beat")]
     oracle: Annotated[Name | None, Field(description="the algorithm that is given the truth")] = None
     quick_cases: Annotated[int, Field(ge=1, description="cases of a quick run, spread over the dataset")]
+
+    @model_validator(mode="after")
+    def _variants_agree(self):
+        for name, variant in self.variants.items():
+            if self.task != "validity" and variant.fitted:
+                raise ValueError(f"variants: {name} is fitted, allowed: with task validity")
+            if self.algorithms is not None and name not in self.algorithms:
+                raise ValueError(f"variants: {name} is not listed, allowed: one of algorithms {self.algorithms}")
+        return self
 
     @model_validator(mode="after")
     def _algorithms_agree(self):
@@ -45,11 +67,11 @@ def read_definition(name: str) -> tuple[str, Definition]:
     Raises ValueError in one line: file, key, value, what is allowed.
     """
     path = find_shipped("benchmarks", name)
-    return path.stem, _parse(path)
+    return path.stem, definition_from(read_toml(path), where=path)
 
 
-def _parse(path: Path) -> Definition:
-    content = read_toml(path)
+def definition_from(content: dict, *, where: object) -> Definition:
+    """Return the definition of a parsed TOML file, or of a result's provenance; ValueError in one line."""
     if isinstance(content.get("algorithms"), list):
-        content["algorithms"] = tuple(content["algorithms"])
-    return validated(Definition, content, where=path)
+        content = content | {"algorithms": tuple(content["algorithms"])}
+    return validated(Definition, content, where=where)

@@ -15,7 +15,7 @@ ARROWS = {"higher": "↑", "lower": "↓"}
 TITLES = {
     "psnr": "PSNR", "mse": "MSE", "ssim": "SSIM", "uciqe_o": "UCIQE (O)", "uiqm_f": "UIQM (F)",
     "uiqm_m": "UIQM (M)", "failure_percent": "failures", "detected_percent": "detected",
-    "milliseconds": "time",
+    "milliseconds": "time", "relative_radiance_error": "image error",
 }  # fmt: skip
 _NOTE_KEYS = ("case", "algorithm", "metric")
 # below this an error is the round-off of the arithmetic

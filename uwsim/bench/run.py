@@ -1,20 +1,22 @@
 """Run a benchmark: every algorithm on every case, scores into one Result."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 
 from uwsim import provenance
 from uwsim.bench import blur, pose, restoration, runner
-from uwsim.bench.definition import Definition, read_definition
+from uwsim.bench.definition import Definition, Variant, read_definition
 from uwsim.bench.records import Record, Result, record_from_score, summarise
 from uwsim.bench.task import Task, spread
+from uwsim.bench.validity import task as validity
 from uwsim.dataset.store import Dataset
 from uwsim.discovery import find, names
 from uwsim.files import sha256
 from uwsim.metrics import METRICS
 
-TASKS: dict[str, Task] = {task.name: task for task in (restoration.TASK, blur.TASK, pose.TASK)}
+TASKS: dict[str, Task] = {task.name: task for task in (restoration.TASK, blur.TASK, pose.TASK, validity.TASK)}
 Progress = Callable[[str, int, int], None]
 
 
@@ -41,7 +43,7 @@ def run(
     """
     title, definition = read_definition(name)
     task = TASKS[definition.task]
-    chosen = [load(task, choice) for choice in select(task, definition, algorithms)]
+    chosen = [load(task, choice, definition.variants) for choice in select(task, definition, algorithms)]
     cases = task.case_names(dataset)
     if quick:
         cases = spread(cases, definition.quick_cases)
@@ -50,6 +52,8 @@ def run(
         for algorithm in chosen:
             records += _summary(task, summary, algorithm, scores.get(algorithm.name, []))
     origin = _provenance(definition, dataset, quick=quick, cases=len(cases)) | {"cameras": task.notes(dataset, cases)}
+    if conditions := task.conditions(dataset, cases):
+        origin |= {"conditions": conditions}
     return Result(benchmark=title, provenance=origin, records=tuple(records))
 
 
@@ -67,7 +71,9 @@ def _score(
             if done == 0:  # lazy imports and caches are not the method's time
                 task.score(algorithm.module, algorithm.name, algorithm.given, case)
             scores = task.score(algorithm.module, algorithm.name, algorithm.given, case)
-            records += [record_from_score(_blank(name, algorithm, key), scores[key]) for key in task.statistics]
+            keys = (*task.statistics, *task.details)
+            blanks = [_blank(name, algorithm, key, scores.get("note", "") if key == keys[0] else "") for key in keys]
+            records += [record_from_score(blank, scores[blank.metric]) for blank in blanks]
             for summary in case.summaries:
                 summaries.setdefault(summary, {}).setdefault(algorithm.name, []).append(scores)
     report(title, len(cases), len(cases))
@@ -76,7 +82,9 @@ def _score(
 
 def select(task: Task, definition: Definition, algorithms: list[str] | None) -> list[str]:
     """Return what takes part, in table order: do-nothing, the others, the oracle, added files."""
-    shipped = list(definition.algorithms) if definition.algorithms is not None else names(task.package)
+    shipped = definition.algorithms
+    if shipped is None:
+        shipped = [*names(task.package), *definition.variants]
     fixed = [definition.do_nothing, definition.oracle]
     asked = list(dict.fromkeys(algorithms or []))
     files = [name for name in asked if name.endswith(".py")]
@@ -105,14 +113,26 @@ def _files(files: list[str], shipped: list[str]) -> list[str]:
     return files
 
 
-def load(task: Task, choice: str) -> Algorithm:
-    """Import an algorithm file and check what it states; ValueError in one line."""
-    module = find(task.package, choice)
-    name = module.__name__.rpartition(".")[2]
+def load(task: Task, choice: str, variants: Mapping[str, Variant] | None = None) -> Algorithm:
+    """Import an algorithm file, or that of a variant, and check what it states; ValueError in one line."""
+    variant = (variants or {}).get(choice)
+    module = find(task.package, choice if variant is None else variant.algorithm)
+    name = module.__name__.rpartition(".")[2] if variant is None else choice
     given = runner.needs(module, name, task.inputs)
     runner.entry(module, name, task.function)
     runner.input_kind(module, name)
+    if variant is not None:
+        module = _varied(module, task.function, variant)
     return Algorithm(name=name, module=module, given=given, missing=tuple(runner.prepare(module)))
+
+
+def _varied(module: ModuleType, function: str, variant: Variant) -> ModuleType:
+    """Return a copy of a module whose function has the variant's keywords; FITTED as the variant says."""
+    made = ModuleType(module.__name__, module.__doc__)
+    made.__dict__.update(vars(module))
+    setattr(made, function, partial(getattr(module, function), **variant.keywords))
+    made.FITTED = variant.fitted
+    return made
 
 
 def _blank(case: str, algorithm: Algorithm, metric: str, note: str = "") -> Record:
@@ -135,8 +155,9 @@ def _summary(task: Task, case: str, algorithm: Algorithm, scores: list[dict[str,
 
 def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:
     task = TASKS[definition.task]
+    unused = {key for key in ("quick_dataset", "variants") if not getattr(definition, key)}
     return {
-        "definition": definition.model_dump(mode="json"),
+        "definition": definition.model_dump(mode="json", exclude=unused),
         "statistics": task.statistics,
         "dataset": {
             "name": dataset.name,

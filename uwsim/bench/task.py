@@ -1,4 +1,4 @@
-"""What the three benchmarks share: the description of a task and of one of its cases, and the camera as methods get it.
+"""What the benchmarks share: the description of a task and of one of its cases, and the camera as methods get it.
 
 A method that does not know of lenses and ports is given the pinhole that a user would take the camera for: undistorted,
 and behind a port with the effective focal length in water, next to the axis and far away. `camera_notes` says so.
@@ -37,8 +37,10 @@ class Task:
     `package`: folder of the algorithms; `function`: what a file in it defines; `inputs`: what NEEDS may list;
     `statistics`: metric -> "median" or "mean" over the cases, in table order;
     `case_names(dataset)`: usable cases (ValueError if none); `case(dataset, name)`: one of them;
-    `score(module, algorithm, given, case)` -> {metric: value}: NaN for no estimate, inf for identical images;
-    `notes(dataset, cases)`: what to know about the cases beside the numbers, in sentences.
+    `score(module, algorithm, given, case)` -> {metric: value}: NaN for no estimate, inf for identical images; and
+    `note`, a text, where there is something to know beside the numbers;
+    `notes(dataset, cases)`: what to know about the cases beside the numbers, in sentences;
+    `details`: metrics that only the cases have, no summary; `conditions(dataset, cases)` -> {case: what it was like}.
     """
 
     name: str
@@ -50,6 +52,8 @@ class Task:
     case: Callable[[Dataset, str], Case]
     score: Callable[[ModuleType, str, tuple[str, ...], Case], dict[str, float]]
     notes: Callable[[Dataset, list[str]], list[str]] = lambda dataset, cases: []
+    details: tuple[str, ...] = ()
+    conditions: Callable[[Dataset, list[str]], dict[str, dict]] = lambda dataset, cases: {}
 
 
 def sensor_keywords(frame: Frame) -> dict:

@@ -1,10 +1,12 @@
 """A recipe: groups of frames, each a base scene with fixed changes and drawn values.
 
 Keys of `set` and `draw` are paths into the scene file, such as `water.particle_factor`, `rig.camera.width_px`,
-`rig.lamps.0.half_angle_deg` or `bodies.board.rotation_deg` (bodies and lamps by name or number).
+`rig.lamps.0.half_angle_deg` or `bodies.board.rotation_deg` (bodies and lamps by name or number). A `grid` takes all
+combinations of the values on its axes.
 """
 
 import copy
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -59,14 +61,68 @@ class Choice(Strict):
         return self.values[int(rng.integers(len(self.values)))]
 
 
+class Axis(Strict):
+    """One axis of a grid: lists of values, one list per path, all of the same length; they move together.
+
+    `set` puts values, `multiply` scales the number, or every number of the list, that stands at a path (of a group's
+    axes and sets, the last word): so that two axes can share a path, such as turbidity and albedo those of the water.
+    """
+
+    set: dict[str, tuple] = {}
+    multiply: dict[str, tuple[float, ...]] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lists(cls, values):
+        if not isinstance(values, dict):
+            return values
+        listed = {key: table for key, table in values.items() if isinstance(table, dict)}
+        return values | {
+            key: {path: tuple(one) if isinstance(one, list) else one for path, one in table.items()}
+            for key, table in listed.items()
+        }
+
+    @model_validator(mode="after")
+    def _equally_long(self):
+        lengths = {path: len(values) for path, values in (*self.set.items(), *self.multiply.items())}
+        if not lengths or len(set(lengths.values())) > 1 or 0 in lengths.values():
+            raise ValueError(f"axis has {lengths or 'no'} values, allowed: lists of the same length, at least one")
+        return self
+
+    @property
+    def length(self) -> int:
+        return len(next(iter((*self.set.values(), *self.multiply.values()))))
+
+
 class Group(Strict):
-    """Frames that share a base scene."""
+    """Frames that share a base scene: `frames` of them, or one for each combination on the axes of a `grid`.
+
+    The last axis of a grid runs fastest.
+    """
 
     name: Name
     scene: str
-    frames: Annotated[int, Field(ge=1, le=1_000_000)]
+    frames: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     set: dict[str, object] = {}
+    grid: tuple[Axis, ...] = ()
     draw: dict[str, Annotated[Uniform | Choice, Field(discriminator="distribution")]] = {}
+
+    @model_validator(mode="after")
+    def _counted(self):
+        if (self.frames is None) != bool(self.grid):
+            got = "missing, and no grid" if self.frames is None else f"got {self.frames} with a grid"
+            raise ValueError(f"frames: {got}, allowed: frames, or a grid, which has one for each combination")
+        return self
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return self.frames or math.prod(axis.length for axis in self.grid)
+
+    def steps(self, index: int) -> list[tuple[Axis, int]]:
+        """Return the axes of the grid, each with the number of its values that frame `index` of the group has."""
+        places = np.unravel_index(index, [axis.length for axis in self.grid]) if self.grid else ()
+        return [(axis, int(place)) for axis, place in zip(self.grid, places, strict=True)]
 
 
 class NoiseRule(Strict):
@@ -140,15 +196,15 @@ class Recipe(Strict):
 
     @property
     def frames(self) -> int:
-        return sum(group.frames for group in self.group)
+        return sum(group.count for group in self.group)
 
     def locate(self, frame: int) -> tuple[Group, int]:
         """Return the group of a frame and the frame's number inside it."""
         index = frame
         for group in self.group:
-            if index < group.frames:
+            if index < group.count:
                 return group, index
-            index -= group.frames
+            index -= group.count
         raise ValueError(f"frame {frame}: the recipe has {self.frames} frames")
 
 
@@ -172,12 +228,17 @@ def draw_scene(recipe: Recipe, frame: int, *, where: object) -> Scene:
     except ValueError as error:
         raise ValueError(f"{where}: group {group.name}: {error}") from None
     values = copy.deepcopy(values)
-    for path, value in (recipe.set | group.set).items():
-        put(values, path, value, where=where)
+    steps = group.steps(index)
+    on_grid = {path: listed[place] for axis, place in steps for path, listed in axis.set.items()}
+    for path, value in (recipe.set | group.set | on_grid).items():
+        put(values, path, copy.deepcopy(value), where=where)
     for path, kind in sorted(group.draw.items()):
         rng = seeds.generator(recipe.seed, frame, f"draw {path}")
         drawn = kind.pick(rng, index) if isinstance(kind, Choice) else kind.draw(rng)
         put(values, path, drawn, where=where)
+    for axis, place in steps:
+        for path, factors in axis.multiply.items():
+            put(values, path, _scaled(entry(values, path, where=where), factors[place], path, where), where=where)
     return validated(Scene, values, where=f"{where}: group {group.name}, frame {frame}")
 
 
@@ -196,6 +257,27 @@ def put(values: dict, path: str, value: object, *, where: object) -> None:
         node[last] = value
 
 
+def entry(values: dict, path: str, *, where: object) -> object:
+    """Return what stands at a dotted path; ValueError if nothing does."""
+    node = values
+    for key in path.split("."):
+        if isinstance(node, dict) and key in node:
+            node = node[key]
+        elif isinstance(node, list | tuple):
+            node = node[_position(node, key, path, where)]
+        else:
+            raise ValueError(f"{where}: path {path!r}: no {key!r} there, allowed: a path of the scene that has a value")
+    return node
+
+
+def _scaled(value: object, factor: float, path: str, where: object) -> object:
+    if isinstance(value, list | tuple):
+        return [_scaled(one, factor, path, where) for one in value]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{where}: multiply {path!r}: got {value!r} there, allowed: a number or a list of numbers")
+    return value * factor
+
+
 def _position(entries: list, key: str, path: str, where: object) -> int:
     """Return the index of a list entry given by number or by its name."""
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
@@ -207,5 +289,9 @@ def _position(entries: list, key: str, path: str, where: object) -> int:
 
 
 def resolved(recipe: Recipe) -> dict:
-    """Return the recipe as plain data for dataset.json."""
-    return TypeAdapter(Recipe).dump_python(recipe, mode="json")
+    """Return the recipe as plain data for dataset.json; a group without a grid has no entry of that name."""
+    data = TypeAdapter(Recipe).dump_python(recipe, mode="json")
+    for group in data["group"]:
+        if not group["grid"]:
+            del group["grid"]
+    return data

@@ -11,6 +11,9 @@ class Metric(NamedTuple):
     better: Literal["higher", "lower"]
 
 
+LAYERS = ("direct", "forward_scatter", "backscatter")
+"""Layers of light of a picture."""
+
 METRICS = {
     metric.name: metric
     for metric in (
@@ -27,6 +30,11 @@ METRICS = {
         Metric("rotation_error_deg", "deg", "lower"),
         Metric("translation_error_percent", "%", "lower"),
         Metric("corner_error_px", "px", "lower"),
+        Metric("relative_radiance_error", "%", "lower"),
+        *(Metric(f"{layer}_error", "%", "lower") for layer in LAYERS),
+        *(Metric(f"{layer}_psnr", "dB", "higher") for layer in LAYERS),
+        *(Metric(f"{layer}_mse", "levels^2", "lower") for layer in LAYERS),
+        Metric("contrast_error", "%", "lower"),
         Metric("milliseconds", "ms", "lower"),
     )
 }

@@ -12,7 +12,7 @@ WATERS = ("clear", "coastal", "harbor", "average")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tabulated:
     """Phase function from a table that is a power law between its angles, and below the first one.
 
@@ -35,6 +35,17 @@ class Tabulated:
             raise ValueError(f"phase table: smallest value is {values.min():g}, allowed: finite and above 0")
         if self._slopes[0] <= -2:
             raise ValueError(f"phase table: slope below the first angle is {self._slopes[0]:g}, allowed: above -2")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Tabulated) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+    @property
+    def _content(self) -> tuple[bytes, bytes]:
+        """What makes two tables the same one: arrays neither compare nor hash by themselves."""
+        return self.angles_rad.tobytes(), self.vsf.tobytes()
 
     @cached_property
     def _slopes(self) -> np.ndarray:

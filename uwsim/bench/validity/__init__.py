@@ -1,0 +1,1 @@
+"""Where imaging models hold: models of `uwsim/formation` against rendered frames."""
