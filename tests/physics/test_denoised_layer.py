@@ -12,7 +12,7 @@ from uwsim.render.stopping import region_means
 
 pytest.importorskip(smooth.PACKAGE, reason="the denoiser is an extra: pip install pyoidn")
 
-SEEDS, SAMPLES_PER_BATCH, BATCHES = 96, 16, 5  # an odd number of batches: halves of different size
+SEEDS, SAMPLES_PER_BATCH, BATCHES = 192, 16, 5  # an odd number of batches: halves of different size
 LAYER = "backscatter"  # whose noise has the lightest tail: the test needs its own standard error small
 
 
@@ -58,7 +58,7 @@ def test_direct_light_is_never_touched(scene_in_water):
 
 @pytest.mark.slow
 def test_stated_bias_is_the_true_one(scene_in_water, monkeypatch):
-    """Setup: 96 renders of 80 samples, denoised, and two references of 2048. Expected: the stated numbers, averaged as
+    """Setup: 192 renders of 80 samples, denoised, and two references of 2048. Expected: the stated numbers, averaged as
     squares over the renders, equal the true bias (that of the mean render) and the true error, both from products with
     the two references, whose noise so drops out. Tolerance: Monte Carlo, 3 standard errors over the renders, which must
     be small enough, and 10 %. Negative control: the error twice and half as large."""

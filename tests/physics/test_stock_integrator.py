@@ -89,7 +89,7 @@ def quarters(scene, *, samples: int, count: int, reference: bool) -> np.ndarray:
     ("name", "samples", "reference_samples", "largest"),
     [
         ("board-two-lamps", 256, 4096, 0.015),
-        *(pytest.param(name, 512, 16384, 0.013, marks=pytest.mark.slow) for name in CASES),
+        *(pytest.param(name, 512, 16384, 0.015, marks=pytest.mark.slow) for name in CASES),
     ],
 )
 def test_total_is_that_of_the_stock_integrator(name, samples, reference_samples, largest):
