@@ -212,7 +212,7 @@ def test_new_poses_lens_and_port_do_not_compile_anew(port):
     def draw(view, poses):
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(mi.UInt32(1), 640)
-        rays, weights, _ = film.Film(view).rays(poses, sampler, 0, 10, 640, 3)
+        rays, weights = film.Film(view).rays(poses, sampler, 0, 10, 640, 3)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             dr.eval(rays, weights)
