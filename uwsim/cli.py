@@ -17,6 +17,9 @@ app = typer.Typer(
 )
 
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to.")]
+Variant = Annotated[
+    str | None, typer.Option(help="Of Mitsuba: llvm_ad_spectral (default), or cuda_ad_spectral on a GPU.")
+]
 JsonOut = Annotated[str | None, typer.Option("--json", help="Write JSON to this file, - for standard output.")]
 
 
@@ -197,6 +200,7 @@ def render(
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Range, depth, normals, albedo, instances; needs no libLLVM.")
     ] = False,
+    variant: Variant = None,
 ) -> None:
     """Render one scene by light transport: OUT becomes a frame folder (image.png, frame.exr, frame.json)."""
     from uwsim import commands
@@ -206,7 +210,7 @@ def render(
     text = f"{out}: {loaded.name}, {loaded.rig.camera.width_px} x {loaded.rig.camera.height_px}"
     if geometry_only:
         light = {"samples": samples, "batches": batches, "noise": noise, "time": time, "checkpoint": checkpoint}
-        light |= {"orders": orders or None, "denoise": denoise or None}
+        light |= {"orders": orders or None, "denoise": denoise or None, "variant": variant}
         if given := [f"--{name}" for name, value in light.items() if value is not None]:
             raise ValueError(f"--geometry-only: got {', '.join(given)} too, allowed: no options about light")
         commands.render_geometry(loaded, out)
@@ -215,7 +219,7 @@ def render(
     with _progress() as report:
         found = commands.render_scene(
             loaded, out, until=until, seed=seed, report=report, checkpoint=checkpoint, resume=resume, orders=orders,
-            denoise=denoise,
+            denoise=denoise, variant=variant,
         )  # fmt: skip
     _print(f"{text}\n{commands.noise_line(found.noise)}")
     if line := commands.denoised_line(found.options):
@@ -227,12 +231,13 @@ def generate(
     recipe: Annotated[str, typer.Argument(help="TOML file, or the name of a shipped recipe")],
     out: Out,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was begun in OUT.")] = False,
+    variant: Variant = None,
 ) -> None:
     """Generate a labelled dataset; killed and resumed, it has the same bytes."""
     from uwsim import commands
 
     with _progress() as report:
-        dataset = commands.generate_dataset(recipe, out, resume=resume, report=report)
+        dataset = commands.generate_dataset(recipe, out, resume=resume, report=report, variant=variant)
     _print(f"{out}: {len(dataset)} frames")
     if noisy := commands.noisy_frames_line(dataset):
         _print(noisy)

@@ -60,12 +60,12 @@ def until(*, samples: int | None, batches: int | None, noise: str | None, time: 
 
 def render_scene(
     scene, out: Path, *, until, seed: int, report: Report, checkpoint: Path | None = None, resume: bool = False,
-    orders: bool = False, denoise: bool = False,
+    orders: bool = False, denoise: bool = False, variant: str | None = None,
 ):  # fmt: skip
     """Render a scene into a new frame folder `out` and return its description (frame.json).
 
     until: what ends it (`render.stopping.Until`). checkpoint: file to keep the sums in; `resume` goes on from it.
-    orders, denoise: as in `render.smooth.Options`.
+    orders, denoise: as in `render.smooth.Options`. variant: of Mitsuba, as in `light_variant`.
     """
     from uwsim.dataset.frame import write_frame
     from uwsim.dataset.make import make_frame
@@ -78,7 +78,7 @@ def render_scene(
     _new_folder(out)
     if resume and checkpoint is None:
         raise ValueError("--resume: got no --checkpoint, allowed: with the --checkpoint FILE to go on from")
-    variant, kept = variants.use(), None
+    variant, kept = variants.use(light_variant(variant)), None
     if checkpoint is not None:
         identity = checkpoints.identity(
             scene, seed=seed, frame=0, samples_per_batch=until.samples_per_batch, variant=variant
@@ -146,15 +146,23 @@ def render_geometry(scene, out: Path) -> None:
     exr.write(out / "geometry.exr", {name: (image, BUFFERS[name][1]) for name, image in buffers.items()})
 
 
-def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report):
-    """Generate (or finish) a dataset and return it."""
+def light_variant(name: str | None) -> str | None:
+    """Return the name of a Mitsuba variant that renders light; ValueError for others. None stands for the default."""
+    allowed = ("llvm_ad_spectral", "cuda_ad_spectral")
+    if name is not None and name not in allowed:
+        raise ValueError(f"--variant: got {name!r}, allowed: {', '.join(allowed)}")
+    return name
+
+
+def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report, variant: str | None = None):
+    """Generate (or finish) a dataset and return it; `variant` of Mitsuba as in `render_scene`."""
     from uwsim.dataset.generate import generate
     from uwsim.dataset.recipe import load_recipe
     from uwsim.render import variants
 
     loaded, path = load_recipe(recipe)
     _folder(out)
-    variants.use()
+    variants.use(light_variant(variant))
 
     def progress(frame, frames, what, done, total):
         report(f"{loaded.name}: frame {frame + 1} of {frames}, {what}", frame * total + done, frames * total)

@@ -255,6 +255,8 @@ REFUSED = [
     (("--checkpoint", "scene.toml", "--resume"), ("scene.toml", "not readable")),
     (("--checkpoint", "no/sums.npz"), ("no/sums.npz", "does not exist")),
     (("--geometry-only", "--noise", "1%"), ("--geometry-only", "--noise", "light")),
+    (("--variant", "scalar_rgb"), ("--variant", "scalar_rgb", "llvm_ad_spectral, cuda_ad_spectral")),
+    (("--geometry-only", "--variant", "llvm_ad_spectral"), ("--geometry-only", "--variant", "light")),
     (("--size", "16384x16384"), ("16384 x 16384", "GB", "allowed")),
 ]
 

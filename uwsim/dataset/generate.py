@@ -103,10 +103,10 @@ def _versions() -> dict:
 
 
 def _machine() -> dict:
-    from uwsim.render import llvm
+    from uwsim.render import llvm, variants
 
     choice = llvm.choose()
-    return provenance.machine(libllvm=choice.path, llvm_version=choice.version)
+    return provenance.machine(libllvm=choice.path, llvm_version=choice.version) | {"variant": variants.active()}
 
 
 def _log(out: Path, **entry) -> None:

@@ -50,6 +50,11 @@ def use(variant: str | None = None, *, geometry: bool = False) -> str:
     return variant
 
 
+def active() -> str | None:
+    """Return the variant that `use` made active, None before."""
+    return _active
+
+
 def cuda_driver() -> str | None:
     """Return the name or path of the NVIDIA driver library, None if this machine has none."""
     named = os.environ.get("DRJIT_LIBCUDA_PATH")
