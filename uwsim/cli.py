@@ -260,6 +260,8 @@ def bench(
     algorithm: Annotated[list[str] | None, typer.Option(help="Name, or path of your own .py file; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A reduced run of a few cases.")] = False,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the page of validity, validity_chart.")] = None,
+    checkpoint: Annotated[Path | None, typer.Option(help="File that keeps the scores of finished cases.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the --checkpoint.")] = False,
     json: JsonOut = None,
 ) -> None:
     """Score algorithms against the truth: a Markdown table, tidy JSON with --json, a page of figures with --out."""
@@ -268,7 +270,10 @@ def bench(
     if json not in (None, "-"):
         _parent(Path(json))
     with _progress() as report:
-        result = commands.run_benchmark(name, dataset, algorithms=algorithm, quick=quick, report=report, out=out)
+        result = commands.run_benchmark(
+            name, dataset, algorithms=algorithm, quick=quick, report=report, out=out, checkpoint=checkpoint,
+            resume=resume,
+        )  # fmt: skip
     if json is not None:
         _write_json(json, result.to_json())
     if json != "-":

@@ -172,11 +172,12 @@ def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report, va
 
 def run_benchmark(
     name: str, dataset: Path | None, *, algorithms: list[str] | None, quick: bool, report: Report,
-    out: Path | None = None,
+    out: Path | None = None, checkpoint: Path | None = None, resume: bool = False,
 ):  # fmt: skip
     """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/.
 
     quick: on few cases, of the benchmark's `quick_dataset` if it has one. out: folder for the page of validity.
+    checkpoint, resume: as in `bench.run.run`.
     """
     from uwsim.bench.definition import read_definition
     from uwsim.bench.run import run
@@ -193,7 +194,9 @@ def run_benchmark(
         dataset.parent.mkdir(exist_ok=True)
         generate_dataset(recipe, dataset, resume=True, report=report)
     opened = store.open(dataset)
-    result = run(name, opened, algorithms=algorithms, quick=quick, progress=report)
+    result = run(
+        name, opened, algorithms=algorithms, quick=quick, progress=report, checkpoint=checkpoint, resume=resume
+    )
     if out is not None:
         report("page", 0, 1)
         page.write(out, result=result, dataset=opened)

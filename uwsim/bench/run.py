@@ -3,13 +3,15 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from types import ModuleType
 
 from uwsim import provenance
 from uwsim.bench import blur, pose, restoration, runner
 from uwsim.bench.definition import Definition, Variant, read_definition
+from uwsim.bench.kept import Kept, Scores
 from uwsim.bench.records import Record, Result, record_from_score, summarise
-from uwsim.bench.task import Task, spread
+from uwsim.bench.task import Case, Task, spread
 from uwsim.bench.validity import task as validity
 from uwsim.dataset.store import Dataset
 from uwsim.discovery import find, names
@@ -32,13 +34,14 @@ class Algorithm:
 
 def run(
     name: str, dataset: Dataset, *, algorithms: list[str] | None = None, quick: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False,
 ) -> Result:  # fmt: skip
     """Score algorithms on a dataset; `name`: a shipped benchmark, or the path of its TOML file.
 
     `algorithms`: names choose among the definition's (the do-nothing entry and the oracle stay), paths of
     `.py` files are added to it. `quick`: only `quick_cases` cases, spread over the dataset.
-    `progress(text, done, total)` is called before each case and at the end.
+    `progress(text, done, total)` is called before each case and at the end. `checkpoint`: file that keeps the scores of
+    finished cases; `resume` goes on from it.
     Raises ValueError in one line: unknown names, broken algorithms, a dataset without a usable frame.
     """
     title, definition = read_definition(name)
@@ -47,7 +50,12 @@ def run(
     cases = task.case_names(dataset)
     if quick:
         cases = spread(cases, definition.quick_cases)
-    records, summaries = _score(title, task, dataset, cases, chosen, progress)
+    if resume and checkpoint is None:
+        raise ValueError("--resume: got no --checkpoint, allowed: with the --checkpoint FILE to go on from")
+    kept = None
+    if checkpoint is not None:
+        kept = Kept(checkpoint, identity=_identity(title, definition, dataset, chosen), resume=resume)
+    records, summaries = _score(title, task, dataset, cases, chosen, progress, kept)
     for summary, scores in summaries.items():
         for algorithm in chosen:
             records += _summary(task, summary, algorithm, scores.get(algorithm.name, []))
@@ -59,25 +67,53 @@ def run(
 
 def _score(
     title: str, task: Task, dataset: Dataset, cases: list[str], chosen: list[Algorithm],
-    progress: Progress | None,
+    progress: Progress | None, kept: Kept | None,
 ) -> tuple[list[Record], dict[str, dict[str, list[dict]]]]:  # fmt: skip
     """Return the records of the cases, and {summary: {algorithm: scores of its cases}}."""
-    records, summaries = [], {}
+    records, summaries, warm = [], {}, False
     report = progress or (lambda *_: None)
+    present = [algorithm for algorithm in chosen if not algorithm.missing]
+    keys = (*task.statistics, *task.details)
     for done, name in enumerate(cases):
         report(f"{title}: {name}", done, len(cases))
         case = task.case(dataset, name)
-        for algorithm in (algorithm for algorithm in chosen if not algorithm.missing):
-            if done == 0:  # lazy imports and caches are not the method's time
-                task.score(algorithm.module, algorithm.name, algorithm.given, case)
-            scores = task.score(algorithm.module, algorithm.name, algorithm.given, case)
-            keys = (*task.statistics, *task.details)
+        found = None if kept is None else kept.scores(name)
+        if found is None:
+            found = _scores_of(task, case, present, warm=warm)
+            warm = True
+            if kept is not None:
+                kept.add(name, found)
+        for algorithm in present:
+            scores = found[algorithm.name]
             blanks = [_blank(name, algorithm, key, scores.get("note", "") if key == keys[0] else "") for key in keys]
             records += [record_from_score(blank, scores[blank.metric]) for blank in blanks]
             for summary in case.summaries:
                 summaries.setdefault(summary, {}).setdefault(algorithm.name, []).append(scores)
     report(title, len(cases), len(cases))
     return records, summaries
+
+
+def _scores_of(task: Task, case: Case, algorithms: list[Algorithm], *, warm: bool) -> Scores:
+    """Return the scores of a case by algorithm; not `warm`: each is called once before, off the clock."""
+    found = {}
+    for algorithm in algorithms:
+        score = partial(task.score, algorithm.module, algorithm.name, algorithm.given, case)
+        if not warm:  # lazy imports and caches are not the method's time
+            score()
+        found[algorithm.name] = score()
+    return found
+
+
+def _identity(title: str, definition: Definition, dataset: Dataset, chosen: list[Algorithm]) -> dict:
+    """Return what two runs must share for their scores to be parts of one result."""
+    return {
+        "benchmark": title,
+        "definition": definition.model_dump(mode="json"),
+        "dataset": sha256(dataset.folder / "dataset.json"),
+        "algorithms": {algorithm.name: sha256(Path(algorithm.module.__file__)) for algorithm in chosen},
+        "versions": provenance.versions(),
+        "commit": provenance.commit(),
+    }
 
 
 def select(task: Task, definition: Definition, algorithms: list[str] | None) -> list[str]:
