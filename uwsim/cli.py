@@ -252,6 +252,20 @@ def check(folder: Annotated[Path, typer.Argument(help="Dataset folder")]) -> Non
 
 
 @app.command()
+def gallery(
+    folder: Annotated[Path, typer.Argument(help="Dataset folder")],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: gallery/ in FOLDER.")] = None,
+    processes: Annotated[int, typer.Option(help="Frames that are drawn at the same time.")] = 1,
+) -> None:
+    """Write a static page to look through a dataset; killed and started again, it goes on where it was."""
+    from uwsim.gallery.make import write
+
+    with _progress() as report:
+        written = write(folder, out, processes=processes, progress=lambda done, total: report("gallery", done, total))
+    _print(f"open {written.page}")
+
+
+@app.command()
 def bench(
     name: Annotated[
         str, typer.Argument(help="restoration, blur, pose, validity, validity_chart, or a benchmark's TOML file")
@@ -262,6 +276,7 @@ def bench(
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the page of validity, validity_chart.")] = None,
     checkpoint: Annotated[Path | None, typer.Option(help="File that keeps the scores of finished cases.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the --checkpoint.")] = False,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that score cases side by side.")] = 1,
     json: JsonOut = None,
 ) -> None:
     """Score algorithms against the truth: a Markdown table, tidy JSON with --json, a page of figures with --out."""
@@ -272,7 +287,7 @@ def bench(
     with _progress() as report:
         result = commands.run_benchmark(
             name, dataset, algorithms=algorithm, quick=quick, report=report, out=out, checkpoint=checkpoint,
-            resume=resume,
+            resume=resume, workers=workers,
         )  # fmt: skip
     if json is not None:
         _write_json(json, result.to_json())

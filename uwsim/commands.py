@@ -173,11 +173,12 @@ def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report, va
 def run_benchmark(
     name: str, dataset: Path | None, *, algorithms: list[str] | None, quick: bool, report: Report,
     out: Path | None = None, checkpoint: Path | None = None, resume: bool = False,
+    workers: int = 1,
 ):  # fmt: skip
     """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/.
 
     quick: on few cases, of the benchmark's `quick_dataset` if it has one. out: folder for the page of validity.
-    checkpoint, resume: as in `bench.run.run`.
+    checkpoint, resume, workers: as in `bench.run.run`.
     """
     from uwsim.bench.definition import read_definition
     from uwsim.bench.run import run
@@ -195,8 +196,9 @@ def run_benchmark(
         generate_dataset(recipe, dataset, resume=True, report=report)
     opened = store.open(dataset)
     result = run(
-        name, opened, algorithms=algorithms, quick=quick, progress=report, checkpoint=checkpoint, resume=resume
-    )
+        name, opened, algorithms=algorithms, quick=quick, progress=report, checkpoint=checkpoint, resume=resume,
+        workers=workers,
+    )  # fmt: skip
     if out is not None:
         report("page", 0, 1)
         page.write(out, result=result, dataset=opened)

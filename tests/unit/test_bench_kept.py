@@ -90,3 +90,20 @@ def test_another_algorithm_is_told_apart(dataset, tmp_path):
 def test_resume_needs_a_checkpoint(dataset):
     with pytest.raises(ValueError, match="--resume: got no --checkpoint"):
         run("restoration", dataset, resume=True)
+
+
+def test_workers_score_as_one_process_does(dataset, tmp_path):
+    """Expected: the same records but for the times; the scores of all cases are kept. Control: other algorithms."""
+    file = tmp_path / "scores.jsonl"
+    alone, together = run("restoration", dataset), run("restoration", dataset, workers=2, checkpoint=file)
+    assert without_times(together) == without_times(alone)
+    assert len(file.read_text().splitlines()) == 4
+    assert without_times(run("restoration", dataset, algorithms=["none"])) != without_times(alone)
+
+
+def test_a_worker_that_fails_says_so_in_one_line(dataset, tmp_path):
+    mine = tmp_path / "mine.py"
+    mine.write_text("INPUT = 'srgb_uint8'\nNEEDS = ()\n\n\ndef restore(image):\n    return image[:4]\n")
+    with pytest.raises(ValueError, match="mine: case 000000") as problem:
+        run("restoration", dataset, algorithms=[str(mine)], workers=2)
+    assert "\n" not in str(problem.value)

@@ -1,6 +1,6 @@
 """Run a benchmark: every algorithm on every case, scores into one Result."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,8 @@ from uwsim.bench import blur, pose, restoration, runner
 from uwsim.bench.definition import Definition, Variant, read_definition
 from uwsim.bench.kept import Kept, Scores
 from uwsim.bench.records import Record, Result, record_from_score, summarise
-from uwsim.bench.task import Case, Task, spread
+from uwsim.bench.scoring import Job, by_workers, scores_of
+from uwsim.bench.task import Task, spread
 from uwsim.bench.validity import task as validity
 from uwsim.dataset.store import Dataset
 from uwsim.discovery import find, names
@@ -35,18 +36,21 @@ class Algorithm:
 def run(
     name: str, dataset: Dataset, *, algorithms: list[str] | None = None, quick: bool = False,
     progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False,
+    workers: int = 1,
 ) -> Result:  # fmt: skip
     """Score algorithms on a dataset; `name`: a shipped benchmark, or the path of its TOML file.
 
     `algorithms`: names choose among the definition's (the do-nothing entry and the oracle stay), paths of
     `.py` files are added to it. `quick`: only `quick_cases` cases, spread over the dataset.
-    `progress(text, done, total)` is called before each case and at the end. `checkpoint`: file that keeps the scores of
-    finished cases; `resume` goes on from it.
+    `progress(text, done, total)` is called at the start and after each case. `checkpoint`: file that keeps the scores
+    of finished cases; `resume` goes on from it. `workers`: processes that score cases side by side, one thread each;
+    times of algorithms are then those on a busy machine.
     Raises ValueError in one line: unknown names, broken algorithms, a dataset without a usable frame.
     """
     title, definition = read_definition(name)
     task = TASKS[definition.task]
-    chosen = [load(task, choice, definition.variants) for choice in select(task, definition, algorithms)]
+    choices = select(task, definition, algorithms)
+    chosen = [load(task, choice, definition.variants) for choice in choices]
     cases = task.case_names(dataset)
     if quick:
         cases = spread(cases, definition.quick_cases)
@@ -55,7 +59,17 @@ def run(
     kept = None
     if checkpoint is not None:
         kept = Kept(checkpoint, identity=_identity(title, definition, dataset, chosen), resume=resume)
-    records, summaries = _score(title, task, dataset, cases, chosen, progress, kept)
+    job = Job(task.name, dataset.folder, tuple(choices), definition.variants)
+    found = {} if kept is None else {name: scores for name in cases if (scores := kept.scores(name)) is not None}
+    left = [name for name in cases if name not in found]
+    report = progress or (lambda *_: None)
+    report(title, len(found), len(cases))
+    for name, scores in _scored(task, dataset, left, chosen, job, workers):
+        found[name] = scores
+        if kept is not None:
+            kept.add(name, scores)
+        report(f"{title}: {name}", len(found), len(cases))
+    records, summaries = _records(task, dataset, cases, chosen, found)
     for summary, scores in summaries.items():
         for algorithm in chosen:
             records += _summary(task, summary, algorithm, scores.get(algorithm.name, []))
@@ -65,43 +79,33 @@ def run(
     return Result(benchmark=title, provenance=origin, records=tuple(records))
 
 
-def _score(
-    title: str, task: Task, dataset: Dataset, cases: list[str], chosen: list[Algorithm],
-    progress: Progress | None, kept: Kept | None,
-) -> tuple[list[Record], dict[str, dict[str, list[dict]]]]:  # fmt: skip
+def _records(
+    task: Task, dataset: Dataset, cases: list[str], chosen: list[Algorithm], found: dict[str, Scores]
+) -> tuple[list[Record], dict[str, dict[str, list[dict]]]]:
     """Return the records of the cases, and {summary: {algorithm: scores of its cases}}."""
-    records, summaries, warm = [], {}, False
-    report = progress or (lambda *_: None)
-    present = [algorithm for algorithm in chosen if not algorithm.missing]
+    records, summaries = [], {}
     keys = (*task.statistics, *task.details)
-    for done, name in enumerate(cases):
-        report(f"{title}: {name}", done, len(cases))
-        case = task.case(dataset, name)
-        found = None if kept is None else kept.scores(name)
-        if found is None:
-            found = _scores_of(task, case, present, warm=warm)
-            warm = True
-            if kept is not None:
-                kept.add(name, found)
-        for algorithm in present:
-            scores = found[algorithm.name]
+    for name in cases:
+        belongs_to = task.case(dataset, name).summaries
+        for algorithm in (algorithm for algorithm in chosen if not algorithm.missing):
+            scores = found[name][algorithm.name]
             blanks = [_blank(name, algorithm, key, scores.get("note", "") if key == keys[0] else "") for key in keys]
             records += [record_from_score(blank, scores[blank.metric]) for blank in blanks]
-            for summary in case.summaries:
+            for summary in belongs_to:
                 summaries.setdefault(summary, {}).setdefault(algorithm.name, []).append(scores)
-    report(title, len(cases), len(cases))
     return records, summaries
 
 
-def _scores_of(task: Task, case: Case, algorithms: list[Algorithm], *, warm: bool) -> Scores:
-    """Return the scores of a case by algorithm; not `warm`: each is called once before, off the clock."""
-    found = {}
-    for algorithm in algorithms:
-        score = partial(task.score, algorithm.module, algorithm.name, algorithm.given, case)
-        if not warm:  # lazy imports and caches are not the method's time
-            score()
-        found[algorithm.name] = score()
-    return found
+def _scored(
+    task: Task, dataset: Dataset, cases: list[str], chosen: list[Algorithm], job: Job, workers: int
+) -> Iterator[tuple[str, Scores]]:
+    """Yield (case, its scores), one after the other or by worker processes."""
+    if workers > 1 and len(cases) > 1:
+        yield from by_workers(job, cases, workers=workers)
+        return
+    present = [algorithm for algorithm in chosen if not algorithm.missing]
+    for done, name in enumerate(cases):
+        yield name, scores_of(task, task.case(dataset, name), present, warm=done > 0)
 
 
 def _identity(title: str, definition: Definition, dataset: Dataset, chosen: list[Algorithm]) -> dict:
