@@ -262,7 +262,33 @@ def gallery(
 
     with _progress() as report:
         written = write(folder, out, processes=processes, progress=lambda done, total: report("gallery", done, total))
-    _print(f"open {written.page}")
+    _print(f"open {written.page}: {written.frames} frames, {written.made} previews made")
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(help="Dataset folder")],
+    format: Annotated[str, typer.Option(help="bop, coco, pairs, webdataset, euroc or tum")],
+    out: Out,
+    split: Annotated[
+        str | None, typer.Option(help="Shares of the scenes, such as train=0.8,val=0.1,test=0.1; all in train.")
+    ] = None,
+    silhouettes: Annotated[
+        bool, typer.Option("--silhouettes", help="bop: also whole silhouettes, by casting rays in the recipe's scenes.")
+    ] = False,
+) -> None:
+    """Write a dataset in a format of others; OUT is complete or absent."""
+    from uwsim.export.run import export as export_dataset
+    from uwsim.export.splits import shares_from_text
+
+    shares, whole = None if split is None else shares_from_text(split), None
+    if silhouettes:
+        from uwsim.dataset.silhouettes import silhouettes as whole
+    with _progress() as report:
+        summary = export_dataset(
+            folder, out, format=format, shares=shares, progress=report, silhouettes=whole
+        )
+    _print(f"{out}: {summary}")
 
 
 @app.command()

@@ -10,9 +10,9 @@ import uwsim
 
 PACKAGE = Path(uwsim.__file__).parent
 
-LEAVES = {"images", "seeds", "discovery", "files", "provenance", "validation"}
+LEAVES = {"images", "look", "seeds", "discovery", "files", "provenance", "validation"}
 # the half of the dataset folder that reads and writes; whoever may read datasets may import all of it
-STORE = {"dataset.store", "dataset.frame", "dataset.info", "dataset.exr"}
+STORE = {"dataset.store", "dataset.frame", "dataset.info", "dataset.exr", "dataset.sequence"}
 
 # folder or module at the top of uwsim: what it may import beside itself and the leaves
 RULES: dict[str, set[str]] = {
@@ -29,6 +29,8 @@ RULES: dict[str, set[str]] = {
     "learning": {"restoration", "motion_blur", "dataset.store"},
     "metrics": set(),
     "progress": set(),
+    "export": {"camera", "dataset.store", "dataset.frame", "dataset.info", "dataset.sequence"},
+    "gallery": {"camera", "dataset.store", "dataset.frame", "dataset.info"},
     "bench": {
         "optics",
         "camera",

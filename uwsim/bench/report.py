@@ -7,6 +7,7 @@ from uwsim.bench.page.markup import asset, escape, flatten, pairs_table, paragra
 from uwsim.bench.records import Result, result_from_dict
 from uwsim.dataset.store import Dataset
 from uwsim.files import write_text
+from uwsim.look import style
 
 LEAD = (
     "Simulated underwater pictures with the truth behind every pixel, and how near algorithms for "
@@ -89,7 +90,7 @@ def _document(title: str, facts: str, parts: list[str]) -> str:
 <title>{escape(title)}</title>
 <link rel="icon" href="data:,">
 <style>
-{asset("style.css")}</style>
+{style()}</style>
 </head>
 <body>
 <header>

@@ -16,7 +16,7 @@ def escape(value: object) -> str:
 
 
 def asset(name: str) -> str:
-    """Return the style sheet or the script that goes into the page."""
+    """Return a file of this folder that goes into the page, such as the script."""
     return (FOLDER / name).read_text(encoding="utf-8")
 
 

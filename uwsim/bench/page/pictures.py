@@ -1,7 +1,5 @@
 """Truth images as pictures: through the frame's camera, or in false colour with a bar."""
 
-import colorsys
-
 import numpy as np
 
 from uwsim.bench.page.markup import escape, figure, picture
@@ -9,38 +7,14 @@ from uwsim.bench.task import sensor_keywords
 from uwsim.camera.sensor import expose_without_noise
 from uwsim.dataset.frame import Frame
 from uwsim.images import srgb_uint8_from_linear
+from uwsim.look import EMPTY, colour_map, false_colour, instance_colours, limits, normal_colours
 
-EMPTY = (128, 128, 128)
 _BAR_STOPS = 9
 
 
 def through_camera(frame: Frame, name: str) -> np.ndarray:
     """Return a radiance buffer as the frame's camera would store it without noise, (H, W, 3) uint8."""
     return expose_without_noise(np.maximum(frame.buffer(name), 0), **sensor_keywords(frame))
-
-
-def colour_map(positions: np.ndarray) -> np.ndarray:
-    """Return the viridis colours, (..., 3) uint8, of positions in [0, 1]."""
-    from matplotlib import colormaps
-
-    return colormaps["viridis"](np.clip(positions, 0, 1), bytes=True)[..., :3]
-
-
-def false_colour(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return (H, W) values in colours from `low` to `high`, (H, W, 3) uint8; grey where not finite."""
-    finite = np.isfinite(values)
-    span = max(high - low, np.finfo(float).tiny)
-    return np.where(finite[..., None], colour_map((np.where(finite, values, low) - low) / span), EMPTY).astype(np.uint8)
-
-
-def limits(values: np.ndarray, *, from_zero: bool = False) -> tuple[float, float]:
-    """Return the 1 % and 99 % level of the finite values: the ends of the colour bar."""
-    finite = values[np.isfinite(values)]
-    if finite.size == 0:
-        return 0.0, 1.0
-    low, high = np.percentile(finite, [1, 99])
-    low = 0.0 if from_zero else float(low)
-    return (low, float(high)) if high > low else (low, low + 1.0)
 
 
 def bar(low: float, high: float, unit: str) -> str:
@@ -58,13 +32,6 @@ def map_figure(values: np.ndarray, title: str, caption: str, *, unit: str, ends:
     """Return a small false-colour figure with its colour bar."""
     image = picture(false_colour(values, *ends), alt, lossless=True)
     return figure(image + bar(*ends, unit), title, escape(caption))
-
-
-def instance_colours(count: int) -> np.ndarray:
-    """Return `count` colours told apart by hue and lightness, (count, 3) uint8."""
-    hues = (0.55 + 0.381966 * np.arange(count)) % 1
-    colours = [colorsys.hls_to_rgb(hue, 0.45 + 0.2 * (index % 2), 0.5) for index, hue in enumerate(hues)]
-    return np.rint(255 * np.array(colours).reshape(-1, 3)).astype(np.uint8)
 
 
 LAYERS = (
@@ -109,7 +76,7 @@ def layer_figures(frame: Frame) -> list[str]:
             "diffuse reflectance, weighted by the camera response; black: none or no body",
         ),
         figure(
-            picture(_normals(frame), "The surface normals as colours", lossless=True), "Normals",
+            picture(normal_colours(frame.buffer("normal")), "The surface normals as colours", lossless=True), "Normals",
             "world axes x, y, z as red, green, blue from -1 to 1; grey: no body seen",
         ),
         _instances(frame),
@@ -123,10 +90,6 @@ def _share(frame: Frame, layer: str, words: str) -> str:
     options = frame.info.options
     denoised = f"; denoised, biased: {options.denoiser}" if layer in options.denoised_layers else ""
     return escape(f"{words}{share}{denoised}")
-
-
-def _normals(frame: Frame) -> np.ndarray:
-    return np.rint(255 * np.clip(0.5 + 0.5 * frame.buffer("normal"), 0, 1)).astype(np.uint8)
 
 
 def _instances(frame: Frame) -> str:
