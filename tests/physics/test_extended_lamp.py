@@ -227,3 +227,15 @@ def test_a_wall_lit_by_a_disc_is_that_lit_by_mitsubas_own(absorption_per_m, scat
     assert_mean_matches(stock / ours.mean(axis=0), 1.0, **limits)
     with pytest.raises(AssertionError, match="biased"):  # by a quarter
         assert_mean_matches(point / stock.mean(axis=0), 1.0, max_relative_standard_error=0.05)
+
+
+@pytest.mark.parametrize("changes", [{}, {"array": {"kind": "grid", "rows": 1, "columns": 2, "pitch_m": 0.02}}])
+def test_a_place_on_an_led_gets_no_light(changes):
+    """Setup: a bare lamp, and one of two LEDs, asked about the place of the LED itself, as where a place of scattering
+    is rounded onto it. Expected: zeros, and finite numbers. Negative control: a micrometre before it there is light."""
+    plugin = lamp_plugin.emitter(lamp_plugin.lamp(**changes))
+    led = lamp_plugin.lamp(**changes).lamp_from_led[0, :3, 3]
+    found, ds = lamp_plugin.irradiance(plugin, led, state=(0.1, 0.5))
+    assert found == [0.0]
+    assert np.all(np.isfinite(ds.d.numpy())) and np.all(np.isfinite(ds.dist.numpy()))
+    assert lamp_plugin.irradiance(plugin, led + [0, 0, 1e-6], state=(0.1, 0.5))[0] > 1e9

@@ -6,6 +6,8 @@ import mitsuba as mi
 from uwsim.render.lamp_window import FlatWindow
 from uwsim.render.moving import Frames
 
+_LEAST_M = 1e-9  # nearer, as where a place of scattering is rounded onto an LED, there is no direction to it
+
 
 class LED(mi.Emitter):
     """One LED or several that shine alike, behind at most one window.
@@ -135,9 +137,9 @@ class LED(mi.Emitter):
         if self.window == "flat":
             return self._through_flat(ref, led, place)
         offset = ref - place
-        distance = dr.maximum(dr.norm(offset), 1e-9)
+        distance = dr.maximum(dr.norm(offset), _LEAST_M)
         direction = offset / distance
-        factor = self._emitted(led, direction) / dr.square(distance)
+        factor = dr.select(distance > _LEAST_M, self._emitted(led, direction) / dr.square(distance), 0.0)
         if self.window == "none":
             return place, direction, distance, factor, distance
         lit = (distance > self.dome_radius) & (direction.z >= self.cos_half_aperture)
@@ -181,8 +183,10 @@ class LED(mi.Emitter):
             to_lamp = frame.origin - ref.p
             squared = dr.squared_norm(to_lamp)
             ds.p, ds.dist = frame.origin, dr.sqrt(squared)
-            ds.d = to_lamp / ds.dist
+            apart = ds.dist > _LEAST_M
+            ds.d = to_lamp / dr.select(apart, ds.dist, 1.0)
             factor = self._by_angle(0, dr.safe_acos(dr.dot(frame.z, -ds.d))) / squared
+            factor = dr.select(apart, factor, 0.0)
         else:
             entry, direction, ds.dist, factor, _ = self._arrival(frame.point_inside(ref.p), sample)
             ds.p, ds.d = frame.point_outside(entry), -frame.vector_outside(direction)
