@@ -285,9 +285,7 @@ def export(
     if silhouettes:
         from uwsim.dataset.silhouettes import silhouettes as whole
     with _progress() as report:
-        summary = export_dataset(
-            folder, out, format=format, shares=shares, progress=report, silhouettes=whole
-        )
+        summary = export_dataset(folder, out, format=format, shares=shares, progress=report, silhouettes=whole)
     _print(f"{out}: {summary}")
 
 

@@ -148,7 +148,10 @@ def _known_keys(model: type, location: tuple) -> list[str]:
         elif options:
             # a branch is named after its class, within the names of the class's validators
             names = [option["$ref"].rpartition("/")[2] for option in options]
-            node = options[next(i for i, name in enumerate(names) if re.search(rf"\b{name}\b", str(part)))]
+            mine = [option for option, name in zip(options, names, strict=True) if re.search(rf"\b{name}\b", str(part))]
+            if not mine:  # a branch that is no table
+                return []
+            node = mine[0]
         elif isinstance(part, int):
             node = [*node.get("prefixItems", []), *[node.get("items")] * (part + 1)][part]
         else:

@@ -103,7 +103,7 @@ SCENES = [
     scene("reflectance table key", "reflectance = 0.1",
          "reflectance = { wavelengths_nm = [400, 700], value = [0.5, 0.2] }",
           "bodies.1.reflectance.value: unknown key", "wavelengths_nm, values"),
-    scene("reflectance text", "reflectance = 0.1", 'reflectance = "grey"', "bodies.1.reflectance", "'grey'",
+    scene("reflectance text", "reflectance = 0.1", 'reflectance = "grey"', "bodies.1", "'grey'",
          "a number or a table"),
     scene("exposure", "time_s = 0.004", "time_s = 0", "exposure.time_s", "0"),
     scene("width", "width_px = 32", "width_px = 0", "rig.camera.width_px", "0"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from uwsim.dataset import store
+from uwsim.dataset.check_sequence import check_sequences
 from uwsim.dataset.frame import FILES, RAW, Frame, check_buffers, check_options
 
 
@@ -13,6 +14,7 @@ def check(folder: Path, *, progress: Callable[[int, int], None] | None = None) -
     """Return the number of frames of a sound dataset; ValueError in one line naming the first fault."""
     dataset = store.open(folder)
     _check_files(dataset)
+    check_sequences(dataset)
     for done, name in enumerate(dataset.frame_names, start=1):
         check_frame(dataset.frame(name))
         if progress is not None:
@@ -22,14 +24,17 @@ def check(folder: Path, *, progress: Callable[[int, int], None] | None = None) -
 
 def _check_files(dataset: store.Dataset) -> None:
     listed = dataset.manifest["files"]
-    frames = dataset.folder / "frames"
-    found = {path.relative_to(dataset.folder).as_posix() for path in frames.rglob("*") if path.is_file()}
+    roots = [dataset.folder / part for part in store.FOLDERS]
+    below = [path for root in roots for path in root.rglob("*")]
+    found = {path.relative_to(dataset.folder).as_posix() for path in below if path.is_file()}
     partial = sorted(name for name in found if ".partial" in name)
     if partial:
         raise ValueError(f"{dataset.folder}: half-written file {partial[0]}")
-    folders = {path.relative_to(frames).as_posix() for path in frames.rglob("*") if path.is_dir()}
-    if strange := sorted(folders - set(dataset.frame_names)):
-        raise ValueError(f"{dataset.folder}: folder frames/{strange[0]} is not part of the dataset")
+    folders = {path.relative_to(dataset.folder).as_posix() for path in below if path.is_dir()}
+    named = {f"frames/{name}" for name in dataset.frame_names}
+    named |= {f"sequences/{name}" for name in dataset.sequence_names}
+    if strange := sorted(folders - named):
+        raise ValueError(f"{dataset.folder}: folder {strange[0]} is not part of the dataset")
     if missing := sorted(set(listed) - found):
         raise ValueError(f"{dataset.folder}: file {missing[0]} is missing")
     if extra := sorted(found - set(listed)):

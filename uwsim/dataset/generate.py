@@ -10,7 +10,8 @@ from uwsim import provenance
 from uwsim.dataset import store
 from uwsim.dataset.frame import FORMAT_VERSION, write_frame
 from uwsim.dataset.make import make_frame
-from uwsim.dataset.recipe import Recipe, draw_scene, resolved
+from uwsim.dataset.make_sequence import write_sequences
+from uwsim.dataset.recipe import Recipe, draw, resolved
 from uwsim.render import memory, placement, shapes, smooth
 from uwsim.render.checkpoint import fingerprint
 from uwsim.scene import truth
@@ -32,13 +33,15 @@ def generate(
     """
     if recipe.denoise:
         smooth.require_denoiser()
-    scenes = [draw_scene(recipe, frame, where=where) for frame in range(recipe.frames)]
+    drawn = [draw(recipe, frame, where=where) for frame in range(recipe.frames)]
+    scenes = [one.scene for one in drawn]
     for scene in scenes:
         truth.sensor_constants(scene)  # refuses lamps that leave a band dark
         shapes.check_files(scene)
         placement.check(scene)
         memory.require_memory(width_px=scene.rig.camera.width_px, height_px=scene.rig.camera.height_px)
     manifest = _begin(recipe, scenes, Path(out), resume=resume)
+    write_sequences(recipe, Path(out), where=where)
     frames = Path(out) / "frames"
     frames.mkdir(exist_ok=True)
     for frame, scene in enumerate(scenes):
@@ -49,7 +52,7 @@ def generate(
         report = None if progress is None else partial(progress, frame, recipe.frames)
         made = make_frame(
             scene, name=folder.name, group=recipe.locate(frame)[0].name, seed=recipe.seed, frame=frame,
-            until=recipe.until, progress=report, options=recipe.options,
+            until=recipe.until, progress=report, options=recipe.options, moment=drawn[frame].moment,
         )  # fmt: skip
         write_frame(folder, **made)
         _log(Path(out), frame=folder.name, seconds=round(time.monotonic() - started, 3))
@@ -92,8 +95,9 @@ def _remove_leftovers(out: Path) -> None:
     """Delete what a killed run left half-written."""
     import shutil
 
-    for folder in (out / "frames").glob("*.partial"):
-        shutil.rmtree(folder)
+    for part in ("frames", "sequences"):
+        for folder in (out / part).glob("*.partial"):
+            shutil.rmtree(folder)
     for file in out.glob(".partial-*"):
         file.unlink()
 

@@ -2,7 +2,8 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_serializer, model_validator
 
 
 class _Strict(BaseModel):
@@ -188,6 +189,19 @@ class Marker(_Strict):
     visible: tuple[bool, bool, bool, bool]
 
 
+class Point(_Strict):
+    """A point of a body that an image is to be measured by: the centre of a sphere, or a corner of a chessboard."""
+
+    body: str
+    id: int
+    kind: Literal["sphere", "corner"]
+    radius_m: float | None
+    point_body_m: Vector3
+    point_world_m: Vector3
+    point_px: Vector2 | None
+    visible: bool
+
+
 class Blur(_Strict):
     """Motion of the image during the exposure: medians over the pixels that see a body."""
 
@@ -256,6 +270,15 @@ class Options(_Strict):
         return self
 
 
+class RigView(_Strict):
+    """Which camera of a rig took the frame, and where rig and camera were at mid-exposure."""
+
+    camera: str
+    moment: Annotated[int, Field(ge=0)]
+    rig_from_camera: Matrix4
+    world_from_rig: Matrix4
+
+
 class FrameInfo(_Strict):
     """The contents of frame.json; FORMAT.md gives units and frames."""
 
@@ -279,7 +302,28 @@ class FrameInfo(_Strict):
     particles: tuple[dict, ...] = ()
     sub_frames: int = 1
     markers: tuple[Marker, ...]
+    points: tuple[Point, ...] = ()
     blur: Blur | None
+    time_ns: Annotated[int, Field(ge=0)] | None = None
+    sequence: str | None = None
+    rig: RigView | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_what_it_is_not(self, handler):
+        """Leave out the keys of sequences and rigs for a frame that belongs to none, and points where it has none."""
+        absent = [key for key in ("time_ns", "sequence", "rig") if getattr(self, key) is None]
+        absent += [] if self.points else ["points"]
+        return {key: value for key, value in handler(self).items() if key not in absent}
+
+    @model_validator(mode="after")
+    def _rig_agrees(self):
+        if (self.time_ns is None) != (self.sequence is None) or (self.sequence is not None and self.rig is None):
+            raise ValueError("time_ns, sequence and rig belong together, got only some of them")
+        if self.rig is not None:
+            seen = np.array(self.rig.world_from_rig) @ np.array(self.rig.rig_from_camera)
+            if not np.allclose(seen, self.camera.world_from_camera, rtol=0, atol=1e-6):
+                raise ValueError("rig: world_from_rig and rig_from_camera do not make camera.world_from_camera")
+        return self
 
     @model_validator(mode="after")
     def _spectra_agree(self):

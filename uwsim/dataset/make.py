@@ -28,13 +28,14 @@ def make_frame(
     scene: Scene, *, name: str, group: str, seed: int, frame: int, samples_per_pixel: int | None = None,
     batches: int | None = None, until: stopping.Until | None = None, checkpoint: Checkpoint | None = None,
     progress: Callable[[str, int, int], None] | None = None, options: smooth.Options = _NOTHING_MORE,
+    moment: dict | None = None,
 ) -> dict:  # fmt: skip
     """Return one frame as the keywords of `write_frame`.
 
     `image` (H, W, 3) uint8, `raw` (uint16 or None), `buffers` (truth images by name), `info` (the description).
     (seed, frame) name the random streams, so that a frame can be made again alone.
     Given are `samples_per_pixel` in equal `batches`, or `until`; see `render.rounds` for `checkpoint`, `render.smooth`
-    for `options`.
+    for `options`. `moment`: the keys of frame.json on sequence and rig (`recipe.Drawn`).
     """
     if options.denoise:
         smooth.require_denoiser()
@@ -51,6 +52,7 @@ def make_frame(
     info = _describe(
         exposed, rendered, _sensor(exposed, constants, noise_seed=noise_seed, reached=reached),
         name=name, group=group, seed=seed, frame=frame, **_noise(rendered, until), options=_options(rendered, options),
+        **(moment or {}),
     )  # fmt: skip
     return {"image": image, "raw": raw, "buffers": rendered.buffers, "info": info}
 
@@ -137,6 +139,7 @@ def _describe(scene: Scene, rendered: Rendered, sensor_entry: dict, **identity) 
             "particles": [body.model_dump(mode="json") for body in scene.bodies if isinstance(body, MarineSnow)],
             "sub_frames": rendered.sub_frames,
             "markers": truth.marker_corners(scene, range_m=rendered.buffers["range"]),
+            "points": truth.marker_points(scene, range_m=rendered.buffers["range"]),
             "blur": rendered.blur,
         }
     )

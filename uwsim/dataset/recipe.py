@@ -7,18 +7,23 @@ combinations of the values on its axes.
 
 import copy
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, TypeAdapter, model_validator
 
 from uwsim import seeds
+from uwsim.dataset import moments
+from uwsim.dataset.draws import Axis, Choice, Uniform
+from uwsim.dataset.paths import entry, put, scaled
 from uwsim.files import find_shipped, read_toml
 from uwsim.render import smooth, stopping
 from uwsim.scene.base import Strict
 from uwsim.scene.load import scene_values
 from uwsim.scene.models import Scene
+from uwsim.scene.sequence import RigCamera, Sequence
 from uwsim.validation import validated
 
 _BATCHES = 4  # of samples_per_pixel, where the recipe does not say
@@ -26,78 +31,12 @@ _BATCHES = 4  # of samples_per_pixel, where the recipe does not say
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
-class Uniform(Strict):
-    """A number, or a list of numbers, uniform between `low` and `high`."""
-
-    distribution: Literal["uniform", "log_uniform"]
-    low: float | tuple[float, ...]
-    high: float | tuple[float, ...]
-
-    @model_validator(mode="after")
-    def _ordered(self):
-        low, high = np.asarray(self.low), np.asarray(self.high)
-        if low.shape != high.shape or np.any(low > high):
-            raise ValueError(f"low is {self.low}, high is {self.high}; allowed: same length, low <= high")
-        if self.distribution == "log_uniform" and np.any(low <= 0):
-            raise ValueError(f"low is {self.low}, allowed for log_uniform: above 0")
-        return self
-
-    def draw(self, rng: np.random.Generator):
-        low, high = np.asarray(self.low, float), np.asarray(self.high, float)
-        if self.distribution == "log_uniform":
-            return np.asarray(np.exp(rng.uniform(np.log(low), np.log(high)))).tolist()
-        return np.asarray(rng.uniform(low, high)).tolist()
-
-
-class Choice(Strict):
-    """One of a list of values; `in_order` takes them in turn over the frames of the group."""
-
-    distribution: Literal["choice", "in_order"]
-    values: Annotated[tuple[bool | str | int | float | tuple[float, ...] | dict, ...], Field(min_length=1)]
-
-    def pick(self, rng: np.random.Generator, index: int):
-        if self.distribution == "in_order":
-            return self.values[index % len(self.values)]
-        return self.values[int(rng.integers(len(self.values)))]
-
-
-class Axis(Strict):
-    """One axis of a grid: lists of values, one list per path, all of the same length; they move together.
-
-    `set` puts values, `multiply` scales the number, or every number of the list, that stands at a path (of a group's
-    axes and sets, the last word): so that two axes can share a path, such as turbidity and albedo those of the water.
-    """
-
-    set: dict[str, tuple] = {}
-    multiply: dict[str, tuple[float, ...]] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _lists(cls, values):
-        if not isinstance(values, dict):
-            return values
-        listed = {key: table for key, table in values.items() if isinstance(table, dict)}
-        return values | {
-            key: {path: tuple(one) if isinstance(one, list) else one for path, one in table.items()}
-            for key, table in listed.items()
-        }
-
-    @model_validator(mode="after")
-    def _equally_long(self):
-        lengths = {path: len(values) for path, values in (*self.set.items(), *self.multiply.items())}
-        if not lengths or len(set(lengths.values())) > 1 or 0 in lengths.values():
-            raise ValueError(f"axis has {lengths or 'no'} values, allowed: lists of the same length, at least one")
-        return self
-
-    @property
-    def length(self) -> int:
-        return len(next(iter((*self.set.values(), *self.multiply.values()))))
-
-
 class Group(Strict):
     """Frames that share a base scene: `frames` of them, or one for each combination on the axes of a `grid`.
 
-    The last axis of a grid runs fastest.
+    The last axis of a grid runs fastest. With a `sequence` each combination is one sequence (paths that begin with
+    `sequence.` lead into it), without a grid the group is one. `cameras`: each frame is taken by all of them at once,
+    one frame of the dataset for each, one after the other.
     """
 
     name: Name
@@ -105,23 +44,44 @@ class Group(Strict):
     frames: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     set: dict[str, object] = {}
     grid: tuple[Axis, ...] = ()
+    sequence: Sequence | None = None
+    cameras: tuple[RigCamera, ...] = ()
     draw: dict[str, Annotated[Uniform | Choice, Field(discriminator="distribution")]] = {}
 
     @model_validator(mode="after")
     def _counted(self):
-        if (self.frames is None) != bool(self.grid):
+        if self.sequence is not None and self.frames is not None:
+            raise ValueError(f"frames: got {self.frames} with a sequence, allowed: sequence.frames or duration_s")
+        if self.sequence is None and (self.frames is None) != bool(self.grid):
             got = "missing, and no grid" if self.frames is None else f"got {self.frames} with a grid"
             raise ValueError(f"frames: {got}, allowed: frames, or a grid, which has one for each combination")
+        names = [camera.name for camera in self.cameras]
+        if len(set(names)) != len(names):
+            raise ValueError(f"cameras: names {names} are not unique")
         return self
+
+    @property
+    def combinations(self) -> int:
+        """Number of different draws: of sequences, or of moments without one."""
+        return self.frames or math.prod(axis.length for axis in self.grid)
 
     @property
     def count(self) -> int:
         """Number of frames."""
-        return self.frames or math.prod(axis.length for axis in self.grid)
+        return self.combinations * (1 if self.sequence is None else self.sequence.count) * max(1, len(self.cameras))
 
-    def steps(self, index: int) -> list[tuple[Axis, int]]:
-        """Return the axes of the grid, each with the number of its values that frame `index` of the group has."""
-        places = np.unravel_index(index, [axis.length for axis in self.grid]) if self.grid else ()
+    def place(self, index: int) -> moments.Place:
+        """Return which combination, step of the sequence and camera frame `index` of the group is."""
+        steps = 1 if self.sequence is None else self.sequence.count
+        return moments.Place.of(index, steps=steps, cameras=max(1, len(self.cameras)))
+
+    def sequence_name(self, combination: int) -> str:
+        """Return the name of a sequence of the group."""
+        return self.name if not self.grid else f"{self.name}_{combination:03d}"
+
+    def steps(self, combination: int) -> list[tuple[Axis, int]]:
+        """Return the axes of the grid, each with the number of its values that a combination has."""
+        places = np.unravel_index(combination, [axis.length for axis in self.grid]) if self.grid else ()
         return [(axis, int(place)) for axis, place in zip(self.grid, places, strict=True)]
 
 
@@ -180,6 +140,10 @@ class Recipe(Strict):
         names = [group.name for group in self.group]
         if len(set(names)) != len(names):
             raise ValueError(f"group names {names} are not unique")
+        moving = [group for group in self.group if group.sequence is not None]
+        names = [group.sequence_name(number) for group in moving for number in range(group.combinations)]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"group: two sequences would be called {min(twice)}, allowed: another group name")
         return self
 
     @property
@@ -214,12 +178,54 @@ def load_recipe(name: str) -> tuple[Recipe, Path]:
     return validated(Recipe, read_toml(path), where=path), path
 
 
-def draw_scene(recipe: Recipe, frame: int, *, where: object) -> Scene:
-    """Return the scene of one frame; the same (recipe, frame) always gives the same scene.
+@dataclass(frozen=True)
+class Drawn:
+    """One frame of a recipe: its scene, and what it is in a sequence or of several cameras at once.
 
+    `still`: the scene as drawn, before a sequence moves its rig. `moment`: the keys of frame.json on sequence and rig,
+    empty without either.
+    """
+
+    scene: Scene
+    still: Scene
+    sequence: Sequence | None
+    moment: dict
+
+
+def draw_scene(recipe: Recipe, frame: int, *, where: object) -> Scene:
+    """Return the scene of one frame; see `draw`."""
+    return draw(recipe, frame, where=where).scene
+
+
+def draw(recipe: Recipe, frame: int, *, where: object) -> Drawn:
+    """Return what one frame is; the same (recipe, frame) is always the same.
+
+    Frames of one sequence, and of several cameras at once, share what is drawn: that of the first of them.
     Raises ValueError naming the recipe if a path does not exist in the scene or a drawn scene is not allowed.
     """
     group, index = recipe.locate(frame)
+    place, first = group.place(index), frame - index + group.place(index).first
+    text = f"{where}: group {group.name}, frame {frame}"
+    values = _drawn_values(recipe, group, place, first=first, where=where)
+    asked = values.pop("sequence", None) if group.sequence is not None else None
+    still = validated(Scene, values, where=text)
+    if group.sequence is None and not group.cameras:
+        return Drawn(scene=still, still=still, sequence=None, moment={})
+    sequence = None if asked is None else validated(Sequence, asked, where=f"{text}: sequence")
+    if sequence is not None and sequence.count != group.sequence.count:
+        raise ValueError(
+            f"{text}: sequence has {sequence.count} frames, allowed: as in the group, {group.sequence.count} "
+            "(frames, duration_s and fps stay the same)"
+        )
+    made, moment = moments.at_moment(
+        still, values, sequence=sequence, name=group.sequence_name(place.combination), cameras=group.cameras,
+        place=place, seed=recipe.seed, first=first, where=text,
+    )  # fmt: skip
+    return Drawn(scene=validated(Scene, made, where=text), still=still, sequence=sequence, moment=moment)
+
+
+def _drawn_values(recipe: Recipe, group: Group, place: moments.Place, *, first: int, where: object) -> dict:
+    """Return the values of a scene file with all that the recipe sets and draws; `sequence` beside them."""
     base = Path(group.scene)
     if base.suffix == ".toml" and not base.is_absolute() and (Path(str(where)).parent / base).is_file():
         base = Path(str(where)).parent / base
@@ -228,70 +234,27 @@ def draw_scene(recipe: Recipe, frame: int, *, where: object) -> Scene:
     except ValueError as error:
         raise ValueError(f"{where}: group {group.name}: {error}") from None
     values = copy.deepcopy(values)
-    steps = group.steps(index)
-    on_grid = {path: listed[place] for axis, place in steps for path, listed in axis.set.items()}
+    if group.sequence is not None:
+        values["sequence"] = group.sequence.model_dump(mode="json")
+    steps = group.steps(place.combination)
+    on_grid = {path: listed[at] for axis, at in steps for path, listed in axis.set.items()}
     for path, value in (recipe.set | group.set | on_grid).items():
         put(values, path, copy.deepcopy(value), where=where)
     for path, kind in sorted(group.draw.items()):
-        rng = seeds.generator(recipe.seed, frame, f"draw {path}")
-        drawn = kind.pick(rng, index) if isinstance(kind, Choice) else kind.draw(rng)
+        rng = seeds.generator(recipe.seed, first, f"draw {path}")
+        drawn = kind.pick(rng, place.combination) if isinstance(kind, Choice) else kind.draw(rng)
         put(values, path, drawn, where=where)
-    for axis, place in steps:
+    for axis, at in steps:
         for path, factors in axis.multiply.items():
-            put(values, path, _scaled(entry(values, path, where=where), factors[place], path, where), where=where)
-    return validated(Scene, values, where=f"{where}: group {group.name}, frame {frame}")
-
-
-def put(values: dict, path: str, value: object, *, where: object) -> None:
-    """Set the entry at a dotted path. New keys and tables are made; the strict scene model refuses unknown ones."""
-    *parents, last = path.split(".")
-    node = values
-    for key in (*parents, None):
-        if not isinstance(node, dict | list):
-            raise ValueError(f"{where}: path {path!r} goes into {node!r}, which has no keys")
-        if key is not None:
-            node = node.setdefault(key, {}) if isinstance(node, dict) else node[_position(node, key, path, where)]
-    if isinstance(node, list):
-        node[_position(node, last, path, where)] = value
-    else:
-        node[last] = value
-
-
-def entry(values: dict, path: str, *, where: object) -> object:
-    """Return what stands at a dotted path; ValueError if nothing does."""
-    node = values
-    for key in path.split("."):
-        if isinstance(node, dict) and key in node:
-            node = node[key]
-        elif isinstance(node, list | tuple):
-            node = node[_position(node, key, path, where)]
-        else:
-            raise ValueError(f"{where}: path {path!r}: no {key!r} there, allowed: a path of the scene that has a value")
-    return node
-
-
-def _scaled(value: object, factor: float, path: str, where: object) -> object:
-    if isinstance(value, list | tuple):
-        return [_scaled(one, factor, path, where) for one in value]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{where}: multiply {path!r}: got {value!r} there, allowed: a number or a list of numbers")
-    return value * factor
-
-
-def _position(entries: list, key: str, path: str, where: object) -> int:
-    """Return the index of a list entry given by number or by its name."""
-    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
-    if key in names:
-        return names.index(key)
-    if key.isdigit() and int(key) < len(entries):
-        return int(key)
-    raise ValueError(f"{where}: path {path!r}: no entry {key!r}, allowed: {names or 'none'} or their numbers")
+            put(values, path, scaled(entry(values, path, where=where), factors[at], path, where), where=where)
+    return values
 
 
 def resolved(recipe: Recipe) -> dict:
-    """Return the recipe as plain data for dataset.json; a group without a grid has no entry of that name."""
+    """Return the recipe as plain data for dataset.json; a group has no entry for grid, sequence, cameras it lacks."""
     data = TypeAdapter(Recipe).dump_python(recipe, mode="json")
     for group in data["group"]:
-        if not group["grid"]:
-            del group["grid"]
+        for key in ("grid", "sequence", "cameras"):
+            if not group[key]:
+                del group[key]
     return data

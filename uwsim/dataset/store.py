@@ -1,4 +1,4 @@
-"""A dataset folder: dataset.json beside frames/; see FORMAT.md."""
+"""A dataset folder: dataset.json beside frames/ and, of moving rigs, sequences/; see FORMAT.md."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +7,11 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from uwsim.dataset.frame import FORMAT_VERSION, Frame, read_frame
+from uwsim.dataset.sequence import Sequence, read_sequence
 from uwsim.files import read_json, sha256, write_json
 from uwsim.validation import validated
+
+FOLDERS = ("frames", "sequences")
 
 
 @dataclass(frozen=True)
@@ -18,6 +21,7 @@ class Dataset:
     folder: Path
     manifest: dict
     frame_names: tuple[str, ...]
+    sequence_names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.frame_names)
@@ -31,6 +35,11 @@ class Dataset:
         return (self.frame(name) for name in self.frame_names)
 
     @property
+    def sequences(self) -> tuple[Sequence, ...]:
+        """The sequences in order of their names; none in a dataset of single frames."""
+        return tuple(read_sequence(self.folder / "sequences" / name) for name in self.sequence_names)
+
+    @property
     def name(self) -> str:
         return self.manifest["name"]
 
@@ -41,10 +50,11 @@ def open(folder: Path) -> Dataset:  # noqa: A001 (the published name is uwsim.da
     manifest = read_manifest(folder)
     if not manifest["complete"]:
         raise ValueError(f"{folder}: generation is unfinished; finish it with `uwsim generate ... --resume`")
-    names = tuple(sorted({Path(file).parts[1] for file in manifest["files"]}))
-    if not names:
+    parts = {Path(file).parts[:2] for file in manifest["files"]}
+    frames, sequences = (tuple(sorted(name for kind, name in parts if kind == wanted)) for wanted in FOLDERS)
+    if not frames:
         raise ValueError(f"{folder}: the dataset has no frames")
-    return Dataset(folder=folder, manifest=manifest, frame_names=names)
+    return Dataset(folder=folder, manifest=manifest, frame_names=frames, sequence_names=sequences)
 
 
 class Manifest(BaseModel):
@@ -73,8 +83,10 @@ def read_manifest(folder: Path) -> dict:
     validated(Manifest, manifest, where=path)
     for file in manifest["files"]:
         parts = Path(file).parts
-        if len(parts) != 3 or parts[0] != "frames" or ".." in parts:
-            raise ValueError(f"{path}: file {file!r} is not of the form frames/<frame>/<file>")
+        if len(parts) != 3 or parts[0] not in FOLDERS or ".." in parts:
+            raise ValueError(
+                f"{path}: file {file!r} is not of the form frames/<frame>/<file> or sequences/<sequence>/<file>"
+            )
     return manifest
 
 
@@ -84,7 +96,7 @@ def write_manifest(folder: Path, manifest: dict) -> None:
 
 
 def checksums(folder: Path) -> dict[str, str]:
-    """Return {path inside the dataset: SHA-256} of every file of every complete frame, sorted."""
-    frames = Path(folder) / "frames"
-    files = sorted(path for path in frames.glob("*/*") if not path.parent.name.endswith(".partial"))
+    """Return {path inside the dataset: SHA-256} of every file of every complete frame and sequence, sorted."""
+    found = (path for part in FOLDERS for path in (Path(folder) / part).glob("*/*"))
+    files = sorted(path for path in found if not path.parent.name.endswith(".partial"))
     return {path.relative_to(folder).as_posix(): sha256(path) for path in files}

@@ -16,7 +16,7 @@ from uwsim.render.film import view_of
 from uwsim.render.housing_overlap import cylinders_overlap, inside_cylinder
 from uwsim.render.motion import sub_frames
 from uwsim.render.shapes import body_triangles
-from uwsim.scene.bodies import MarineSnow, Mesh
+from uwsim.scene.bodies import Generated, MarineSnow, Mesh
 from uwsim.scene.models import Scene
 
 LEAST_DISTANCE_M = 1e-3  # of an opening from a surface
@@ -46,7 +46,7 @@ def check(scene: Scene) -> None:
         _check_below(scene, body, triangles.reshape(-1, 3))
         # the body where it is at mid-exposure, the openings as they are to it then
         back = body.world_from_body @ pose.inverse(body.poses_at(times_s))
-        closed = isinstance(body, Mesh) and is_closed(triangles)
+        closed = isinstance(body, (Mesh, Generated)) and is_closed(triangles)
         for name, points in opened.items():
             _check_apart(name, pose.apply_each(back[:, None], points).reshape(-1, 3), body, triangles, closed=closed)
 

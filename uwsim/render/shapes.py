@@ -49,6 +49,8 @@ def body_shapes(mi, body) -> dict[str, object]:
             return {"face": _relief(mi, body, _both_sides(_diffuse(body.spectrum)))}
         case kinds.Mesh():
             return {"face": _mesh(mi, body, _both_sides(_diffuse(body.spectrum)))}
+        case kinds.Generated():
+            return {name: _part(mi, f"{body.name}_{name}", matrix, part) for name, part in body.parts.items()}
     raise TypeError(f"no shape for a body of type {type(body).__name__}")
 
 
@@ -79,6 +81,8 @@ def body_triangles(mi, body) -> np.ndarray:
         case kinds.Heightfield():
             vertices, faces = _relief_triangles(body)
             return vertices[faces]
+        case kinds.Generated():
+            return pose.apply(body.world_from_body, body.triangles)
     half = np.array([body.width_m, body.height_m, 0.0]) / 2
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half
     return pose.apply(body.world_from_body, corners)[[[0, 1, 2], [0, 2, 3]]]
@@ -96,7 +100,7 @@ def body_points(body, *, near_m: np.ndarray) -> np.ndarray:
         apart_m = np.linalg.norm(points - pose.apply(pose.inverse(body.world_from_body), near_m), axis=-1)
         points = points[np.argsort(apart_m, kind="stable")]
         return np.concatenate([points[:_FOLLOWED], points[_FOLLOWED :: max(1, len(points) // _FOLLOWED)]])
-    if isinstance(body, (kinds.Mesh, kinds.Heightfield)):
+    if isinstance(body, (kinds.Mesh, kinds.Heightfield, kinds.Generated)):
         corners = np.unique(body_triangles(mi, body).reshape(-1, 3), axis=0)
         corners = corners[:: max(1, len(corners) // _FOLLOWED)]
         return pose.apply(pose.inverse(body.world_from_body), corners)
@@ -208,6 +212,21 @@ def _relief_triangles(body: kinds.Heightfield) -> tuple[np.ndarray, np.ndarray]:
     corner = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
     return vertices, np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
+
+
+def _part(mi, name: str, matrix: np.ndarray, part):
+    """Return a computed part of a body as a mesh whose tones are mixed at its vertices or on its faces."""
+    vertices = pose.apply(matrix, part.vertices)
+    if len(part.tones) == 1:
+        return _triangles(mi, name, vertices, part.faces, _both_sides(_diffuse(part.tones[0])))
+    attribute = "vertex_share" if part.vertex_share is not None else "face_share"
+    first, second = (_diffuse(tone) for tone in part.tones)
+    weight = {"type": "mesh_attribute", "name": attribute}
+    bsdf = {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
+    mesh = _triangles(mi, name, vertices, part.faces, _both_sides(bsdf))
+    share = part.vertex_share if part.vertex_share is not None else part.face_share
+    mesh.add_attribute(attribute, 1, np.ascontiguousarray(share, dtype=np.float32))
+    return mesh
 
 
 def _triangles(mi, name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: dict):

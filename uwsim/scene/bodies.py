@@ -7,12 +7,20 @@ from pydantic import Field, model_validator
 
 from uwsim.scene.base import NonNegative, Positive
 from uwsim.scene.charts import Chart, ColorChecker, MarkerBoard, TexturedChart, UsafChart
+from uwsim.scene.layouts import MarkerLayout
 from uwsim.scene.placed import File, Placed, Plain, read_grey
+from uwsim.scene.plants import Plants
+from uwsim.scene.sand import Sand
 from uwsim.scene.snow import MarineSnow
+from uwsim.scene.stones import Stones
+from uwsim.scene.structures import Pipe, Rope, RustyWall, Tank
+from uwsim.scene.surface import Generated
+from uwsim.scene.targets import CharucoBoard, SiemensStar, SlantedEdge
 
 __all__ = (
-    "Body", "Chart", "ColorChecker", "File", "Heightfield", "MarineSnow", "MarkerBoard", "Mesh", "Placed", "Rectangle",
-    "TexturedChart", "UsafChart", "numbered",
+    "Body", "CharucoBoard", "Chart", "ColorChecker", "File", "Generated", "Heightfield", "MarineSnow", "MarkerBoard",
+    "MarkerLayout", "Mesh", "Pipe", "Placed", "Plants", "Rectangle", "Rope", "RustyWall", "Sand", "SiemensStar",
+    "SlantedEdge", "Stones", "Tank", "TexturedChart", "UsafChart", "numbered",
 )  # fmt: skip
 
 
@@ -60,10 +68,10 @@ class Heightfield(Plain):
         return self.relief_m * read_grey(self.file)
 
 
-Body = Annotated[
-    Rectangle | Mesh | Heightfield | TexturedChart | UsafChart | MarkerBoard | ColorChecker | MarineSnow,
-    Field(discriminator="kind"),
-]
+_Flat = Rectangle | TexturedChart | UsafChart | MarkerBoard | ColorChecker
+_Target = SiemensStar | SlantedEdge | CharucoBoard | MarkerLayout
+_Asset = Stones | Sand | Plants | Tank | RustyWall | Pipe | Rope
+Body = Annotated[_Flat | Mesh | Heightfield | MarineSnow | _Target | _Asset, Field(discriminator="kind")]
 
 
 def numbered(bodies) -> list[tuple[int, Body]]:

@@ -12,7 +12,7 @@ from uwsim.camera import pose
 from uwsim.camera.lens import Lens
 from uwsim.camera.shutter import Shutter
 from uwsim.scene.base import Strict, Vector3
-from uwsim.scene.bodies import Body, MarkerBoard
+from uwsim.scene.bodies import Body, CharucoBoard, MarkerBoard
 from uwsim.scene.camera import Camera, Motion, Trajectory
 from uwsim.scene.daylight import Daylight
 from uwsim.scene.lamp import Lamp
@@ -103,7 +103,7 @@ class Scene(Strict):
         names = [body.name for body in self.bodies]
         if len(set(names)) != len(names):
             raise ValueError(f"bodies: names {names} are not unique")
-        boards = [body for body in self.bodies if isinstance(body, MarkerBoard)]
+        boards = [body for body in self.bodies if isinstance(body, (MarkerBoard, CharucoBoard))]
         marks = [(board.dictionary, marker_id) for board in boards for marker_id in board.ids]
         if len(set(marks)) != len(marks):
             names = [board.name for board in boards]

@@ -4,23 +4,33 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from uwsim.camera import pose
 from uwsim.images import decode
 from uwsim.optics.spectrum import WAVELENGTHS_NM
+from uwsim.optics.surfaces import material_names, material_reflectance
 from uwsim.scene.base import Strict, Table, Vector3
 from uwsim.scene.camera import Trajectory
 
-Reflectance = Annotated[float, Field(ge=0, le=1)] | Table
+def _known(name: str) -> str:
+    if name not in material_names():
+        raise ValueError(f"got {name!r}, allowed: a number, a table, or a material ({', '.join(material_names())})")
+    return name
+
+
+Material = Annotated[str, AfterValidator(_known)]
+Reflectance = Annotated[float, Field(ge=0, le=1)] | Table | Material
 File = Annotated[Path, Field(strict=False)]  # from text
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 _BODY_FROM_CAMERA = np.diag([-1.0, -1.0, 1.0, 1.0])  # x right, y up against x right, y down, seen from the front
 
 
-def reflectance_on_grid(reflectance: float | Table, *, where: str) -> np.ndarray:
-    """Return a diffuse reflectance over wavelength, (61,)."""
+def reflectance_on_grid(reflectance: float | Table | str, *, where: str) -> np.ndarray:
+    """Return a diffuse reflectance over wavelength, (61,): of a number, a table or a named material."""
+    if isinstance(reflectance, str):
+        return material_reflectance(reflectance)
     if isinstance(reflectance, Table):
         values = reflectance.on_grid(where=where)
         if values.max() > 1:

@@ -6,7 +6,7 @@ from uwsim.camera import auto_exposure, mosaic, pose, sensor, vignetting
 from uwsim.camera.shutter import see
 from uwsim.optics.sources import camera_response
 from uwsim.optics.spectrum import WAVELENGTHS_NM, band_mean
-from uwsim.scene.bodies import MarkerBoard
+from uwsim.scene.bodies import CharucoBoard, MarkerBoard, MarkerLayout
 from uwsim.scene.models import Scene
 from uwsim.scene.sensor import AutoTime
 
@@ -141,7 +141,7 @@ def marker_corners(scene: Scene, *, range_m: np.ndarray) -> list[dict]:
     """
     found = []
     for body in scene.bodies:
-        if not isinstance(body, MarkerBoard):
+        if not isinstance(body, (MarkerBoard, CharucoBoard)):
             continue
         facing = _faces_camera(body, scene.rig.world_from_rig)
         for marker_id, corners in zip(body.ids, body.corners_m, strict=True):
@@ -163,7 +163,40 @@ def marker_corners(scene: Scene, *, range_m: np.ndarray) -> list[dict]:
     return found
 
 
-def _faces_camera(body: MarkerBoard, world_from_camera: np.ndarray) -> bool:
+def marker_points(scene: Scene, *, range_m: np.ndarray) -> list[dict]:
+    """Return the `points` entries of frame.json: centres of spheres and corners of chessboards.
+
+    Image and `range_m` as in `marker_corners`. A sphere counts as visible where its near side is.
+    """
+    found = []
+    for body in scene.bodies:
+        if isinstance(body, MarkerLayout):
+            kind, radius_m, points, facing = "sphere", body.sphere_radius_m, body.points_m, True
+        elif isinstance(body, CharucoBoard):
+            kind, radius_m, points = "corner", None, body.chessboard_corners_m
+            facing = _faces_camera(body, scene.rig.world_from_rig)
+        else:
+            continue
+        world = pose.apply(body.world_from_body, points)
+        pixels, local = see(world, lens=scene.lens, poses_at=scene.rig.poses_at, shutter=scene.shutter)
+        distances = np.linalg.norm(local - scene.lens.rays(pixels)[0], axis=-1) - (radius_m or 0.0)
+        for number, (at, there, pixel, distance) in enumerate(zip(points, world, pixels, distances, strict=True)):
+            found.append(
+                {
+                    "body": body.name,
+                    "id": number,
+                    "kind": kind,
+                    "radius_m": radius_m,
+                    "point_body_m": at.tolist(),
+                    "point_world_m": there.tolist(),
+                    "point_px": pixel.tolist() if np.all(np.isfinite(pixel)) else None,
+                    "visible": facing and _visible(pixel, distance, range_m),
+                }
+            )
+    return found
+
+
+def _faces_camera(body: MarkerBoard | CharucoBoard, world_from_camera: np.ndarray) -> bool:
     to_camera = world_from_camera[:3, 3] - body.world_from_body[:3, 3]
     return bool(body.world_from_body[:3, 2] @ to_camera > 0)
 
