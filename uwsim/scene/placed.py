@@ -14,9 +14,10 @@ from uwsim.optics.surfaces import material_names, material_reflectance
 from uwsim.scene.base import Strict, Table, Vector3
 from uwsim.scene.camera import Trajectory
 
+
 def _known(name: str) -> str:
     if name not in material_names():
-        raise ValueError(f"got {name!r}, allowed: a number, a table, or a material ({', '.join(material_names())})")
+        raise ValueError(f"got {name!r}, allowed: a number or a table, or a material ({', '.join(material_names())})")
     return name
 
 
