@@ -10,7 +10,7 @@ import uwsim
 
 PACKAGE = Path(uwsim.__file__).parent
 
-LEAVES = {"images", "look", "seeds", "discovery", "files", "provenance", "validation"}
+LEAVES = {"images", "look", "seeds", "discovery", "files", "provenance", "validation", "workers"}
 # the half of the dataset folder that reads and writes; whoever may read datasets may import all of it
 STORE = {"dataset.store", "dataset.frame", "dataset.info", "dataset.exr", "dataset.sequence"}
 

@@ -101,7 +101,7 @@ def _scored(
 ) -> Iterator[tuple[str, Scores]]:
     """Yield (case, its scores), one after the other or by worker processes."""
     if workers > 1 and len(cases) > 1:
-        yield from by_workers(job, cases, workers=workers)
+        yield from by_workers(job, cases, processes=workers)
         return
     present = [algorithm for algorithm in chosen if not algorithm.missing]
     for done, name in enumerate(cases):

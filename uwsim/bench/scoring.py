@@ -1,14 +1,13 @@
 """Score the cases of a benchmark one after the other, or in worker processes."""
 
 import contextlib
-import multiprocessing
 import os
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from uwsim import workers
 from uwsim.bench.definition import Variant
 from uwsim.bench.kept import Scores
 from uwsim.bench.task import Case, Task
@@ -39,12 +38,14 @@ def scores_of(task: Task, case: Case, algorithms: list, *, warm: bool) -> Scores
     return found
 
 
-def by_workers(job: Job, cases: list[str], *, workers: int) -> Iterator[tuple[str, Scores]]:
-    """Yield (case, its scores) in order, scored by processes of one thread each."""
-    spawn = multiprocessing.get_context("spawn")
-    settings = {"mp_context": spawn, "initializer": _begin, "initargs": (job,)}
-    with _one_thread_each(), ProcessPoolExecutor(workers, **settings) as pool:
-        yield from zip(cases, pool.map(_score, cases), strict=True)
+def by_workers(job: Job, cases: list[str], *, processes: int) -> Iterator[tuple[str, Scores]]:
+    """Yield (case, its scores) as they are done, scored by processes of one thread each."""
+    tasks = [(case,) for case in cases]
+    with _one_thread_each():
+        for number, scores in workers.results(
+            _score, tasks, processes=processes, option="--workers", prepare=(_begin, job)
+        ):
+            yield cases[number], scores
 
 
 @contextlib.contextmanager

@@ -1,17 +1,13 @@
 """Write the gallery of a dataset: previews one after the other or in several processes, then index and page."""
 
-import os
 import shutil
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 import numpy as np
 
-from uwsim import look
+from uwsim import look, workers
 from uwsim.dataset import store
 from uwsim.files import read_json, write_json, write_text
 from uwsim.gallery import preview
@@ -114,42 +110,8 @@ def _results(tasks: list[tuple[Path, Path, str]], processes: int) -> Iterator[tu
         for task in tasks:
             yield task[1].name, preview.write_preview(*task)
         return
-    # spawn: a fork would copy the threads' locks of OpenCV and OpenEXR
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_prepare) as pool:
-        waiting, running = iter(tasks), {}
-        try:
-            while True:
-                # a few ahead only: what was not begun need not be called off after an error
-                while len(running) < 2 * processes and (task := next(waiting, None)):
-                    running[pool.submit(preview.write_preview, *task)] = task[1].name
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    yield running.pop(future), future.result()
-        except BrokenProcessPool:
-            raise ValueError(
-                f"--processes {processes}: a process was killed (out of memory?); previews made so far are kept"
-            ) from None
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _prepare() -> None:
-    """In a worker: one thread; an interrupt is the parent's to answer, and the worker ends with its parent."""
-    import signal
-    import threading
-
-    import cv2
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """Leave at once when the parent was killed: else a new run would meet a worker that still writes."""
-    parent_process().join()
-    os._exit(1)
+    for number, entry in workers.results(preview.write_preview, tasks, processes=processes, option="--processes"):
+        yield tasks[number][1].name, entry
 
 
 def _write_page(out: Path, dataset: store.Dataset, entries: list[dict]) -> None:
