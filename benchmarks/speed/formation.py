@@ -13,13 +13,13 @@ the largest difference relative to the mean of the picture. Medians of rounds th
 import argparse
 import dataclasses
 import importlib.util
-import json
 import statistics
 import sys
 import time
 import types
 from pathlib import Path
 
+import document
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -149,8 +149,7 @@ def main() -> int:
     parser.add_argument("--json", help="where to write the records; - for standard output")
     parser.add_argument("--only", nargs="+", metavar="MODEL", help="these models; all: airlight, beer_lambert ...")
     arguments = parser.parse_args()
-    from uwsim import provenance
-    from uwsim.render import llvm, variants
+    from uwsim.render import variants
 
     variants.use()
     size = QUICK if arguments.quick else FULL
@@ -185,19 +184,7 @@ def main() -> int:
             record("largest_difference", name, difference, width_px=SMALL[0], height_px=SMALL[1])
             line += f"; written out CPU {seconds:7.1f} s: {seconds / cpu:4.0f} x, differs by {difference:.2g}"
         print(line, file=sys.stderr, flush=True)
-    choice = llvm.choose()
-    document = {
-        "versions": provenance.versions(),
-        "machine": provenance.machine(libllvm=choice.path, llvm_version=choice.version),
-        "commit": provenance.commit(),
-        "quick": arguments.quick,
-        "records": records,
-    }
-    text = json.dumps(document, indent=1)
-    if arguments.json == "-":
-        print(text)
-    elif arguments.json:
-        Path(arguments.json).write_text(text + "\n", encoding="utf-8")
+    document.write(records, quick=arguments.quick, where=arguments.json)
     return 0
 
 

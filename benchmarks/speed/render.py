@@ -12,11 +12,10 @@ subtracted from the squares and printed). Squared error x time is what equal err
 """
 
 import argparse
-import json
 import sys
 import time
-from pathlib import Path
 
+import document
 import numpy as np
 
 PEERS = ("volpath", "volpathmis")
@@ -172,8 +171,7 @@ def main() -> int:
     parser.add_argument("--json", help="where to write the records; - for standard output")
     parser.add_argument("--no-frames", action="store_true", help="without the 640x480 pictures")
     arguments = parser.parse_args()
-    from uwsim import provenance
-    from uwsim.render import llvm, variants
+    from uwsim.render import variants
 
     variants.use()
     size = {"width_px": 24, "height_px": 16} if arguments.quick else {"width_px": 48, "height_px": 32}
@@ -226,19 +224,7 @@ def main() -> int:
     if not arguments.no_frames and not arguments.quick:
         record("frames_per_hour_640x480_1_percent", "uwsim", frames_per_hour(noise=0.01), scene="tank_usaf")
         say(f"frames per hour at 640x480 and 1 % region error: {records[-1]['value']:.3g}")
-    choice = llvm.choose()
-    document = {
-        "versions": provenance.versions(),
-        "machine": provenance.machine(libllvm=choice.path, llvm_version=choice.version),
-        "commit": provenance.commit(),
-        "quick": arguments.quick,
-        "records": records,
-    }
-    text = json.dumps(document, indent=1)
-    if arguments.json == "-":
-        print(text)
-    elif arguments.json:
-        Path(arguments.json).write_text(text + "\n", encoding="utf-8")
+    document.write(records, quick=arguments.quick, where=arguments.json)
     return 0
 
 

@@ -5,42 +5,12 @@ import numpy as np
 import pytest
 
 from tests.physics import scenes
+from tests.system.broken_placement import cube
 from uwsim.camera import pinhole, pose
 from uwsim.optics.sources import camera_response
 from uwsim.optics.spectrum import band_mean
 from uwsim.render import film, geometry
 from uwsim.scene.models import Scene
-
-CUBE = """ply
-format ascii 1.0
-element vertex 8
-property float x
-property float y
-property float z
-element face 12
-property list uchar int vertex_indices
-end_header
--1 -1 -1
-1 -1 -1
-1 1 -1
--1 1 -1
--1 -1 1
-1 -1 1
-1 1 1
--1 1 1
-3 0 3 2
-3 0 2 1
-3 4 5 6
-3 4 6 7
-3 0 1 5
-3 0 5 4
-3 2 3 7
-3 2 7 6
-3 1 2 6
-3 1 6 5
-3 0 4 7
-3 0 7 3
-"""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -68,7 +38,7 @@ def pixel_of(scene, point_body):
 
 
 def test_a_mesh_is_scaled_and_placed(tmp_path):
-    (tmp_path / "cube.ply").write_text(CUBE)
+    (tmp_path / "cube.ply").write_text(cube())
     mesh = {"name": "cube", "kind": "mesh", "file": str(tmp_path / "cube.ply"), "scale": 0.1, "reflectance": 0.6}
     wall = {"name": "wall", "kind": "rectangle", "width_m": 9, "height_m": 9, "reflectance": 0.2}
     scene, buffers = seen(mesh, wall | {"position_m": (0.0, 2.0, -100.0)})
