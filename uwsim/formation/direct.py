@@ -46,15 +46,10 @@ def direct(view: View, *, spectral: bool = True, cosine: bool = True) -> np.ndar
     renderer calls `direct_unscattered`, for lamps. `cosine` as in `on_surface`.
     Source: dissertation eqs. 2.30, 2.31, 2.52 as radiance. Valid: Lambertian bodies, each lit by the lamps alone.
     """
-    range_m, total = seen_range_m(view), np.zeros((*view.shape, 3), np.float32)
-    for index, lamp in enumerate(view.lamps):
-        light = on_surface(view, index, cosine=cosine)
-        path = light.path_m + range_m
-        for albedo, spectrum in zip(np.moveaxis(view.albedo, -1, 0), view.albedo_spectra, strict=True):
-            found = PathTable(view, np.stack([lamp.spectrum, spectrum]), spectral=spectral)(path)
-            found *= (light.irradiance_per_intensity * albedo.astype(np.float32) * np.float32(1 / np.pi))[..., None]
-            total += found
-    return total
+    range_m = seen_range_m(view)
+    lights = [on_surface(view, index, cosine=cosine) for index in range(len(view.lamps))]
+    ways = [(light.irradiance_per_intensity, light.path_m + range_m) for light in lights]
+    return _reflected(view, ways, spectral=spectral)
 
 
 def water_free(view: View) -> np.ndarray:
@@ -64,12 +59,18 @@ def water_free(view: View) -> np.ndarray:
 
 def reflected(view: View, path_m: np.ndarray, *, spectral: bool = True) -> np.ndarray:
     """Return the lamps' light by way of the bodies seen after a path (H, W) in the water in place of its own."""
+    path = path_m.astype(np.float32)
+    ways = [(on_surface(view, index).irradiance_per_intensity, path) for index in range(len(view.lamps))]
+    return _reflected(view, ways, spectral=spectral)
+
+
+def _reflected(view: View, ways: list[tuple[np.ndarray, np.ndarray]], *, spectral: bool) -> np.ndarray:
+    """Return what bodies send back of each lamp's (irradiance per intensity, path in the water), (H, W, 3) float32."""
     total = np.zeros((*view.shape, 3), np.float32)
-    geometry = [on_surface(view, index).irradiance_per_intensity for index in range(len(view.lamps))]
-    for light, lamp in zip(geometry, view.lamps, strict=True):
+    for (received, path), lamp in zip(ways, view.lamps, strict=True):
         for albedo, spectrum in zip(np.moveaxis(view.albedo, -1, 0), view.albedo_spectra, strict=True):
-            found = PathTable(view, np.stack([lamp.spectrum, spectrum]), spectral=spectral)(path_m.astype(np.float32))
-            found *= (light * albedo.astype(np.float32) * np.float32(1 / np.pi))[..., None]
+            found = PathTable(view, np.stack([lamp.spectrum, spectrum]), spectral=spectral)(path)
+            found *= (received * albedo.astype(np.float32) * np.float32(1 / np.pi))[..., None]
             total += found
     return total
 

@@ -93,8 +93,8 @@ def loss_per_m(water: Water, *, forward_angle_rad: float = VIEW_ANGLE_RAD) -> np
 
     With `HEMISPHERE_RAD` a + b_b: light leaves by absorption and backwards only.
     Source: energy balance of eq. 2.33 at omega = 0, e^(-c R) + (e^(-G R) - e^(-c R)) = e^(-G R), of a uniform scene.
-    Valid: against transport (chart at 1 m, half angle 25 x 19 degrees) the light scattered forwards with VIEW_ANGLE_RAD
-    is 0.99 of the truth at c = 1.1 and 3.1 /m; with 20 degrees 0.88 and 0.80, with 45 degrees 1.07 and 1.16.
+    Valid: a view about as wide as VIEW_ANGLE_RAD; a smaller angle counts too little light as scattered forwards, a
+    larger one too much. `uwsim bench validity` measures what is left.
     Errata: the dissertation calls G empirical, with |G| < |c|.
     """
     return water.absorption + water.scattering * (1 - forward_share(water.phase, forward_angle_rad=forward_angle_rad))
@@ -115,8 +115,8 @@ def damping_rad_per_m(
     weights (61,): how much each wavelength counts; one B for all of them. With little scattering B R tends to a
     constant (the angle of one scattering, on average half way); with much, B does.
     Source: Wells 1973, AGARD Lecture Series 61, ch. 4.3, matched to eq. 2.33 where both are 1/e.
-    Valid: the true modulation has a narrower and a wider part than this single exponential: transport has 1.5 to 1.8
-    times the contrast in bars of 3 pixels of 6 mrad, and 0.95 to 1.15 times from 12 pixels on (c = 1.1 and 3.1 /m).
+    Valid: the true modulation has a narrower and a wider part than this single exponential: transport has more contrast
+    in the finest detail (`contrast_error` of `uwsim bench validity`).
     Errata: the dissertation's "typically approximated as c" has the unit of B only by the accident of radians.
     """
     path = np.asarray(range_m, float)
