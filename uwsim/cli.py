@@ -231,16 +231,30 @@ def generate(
     recipe: Annotated[str, typer.Argument(help="TOML file, or the name of a shipped recipe")],
     out: Out,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was begun in OUT.")] = False,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that make frames side by side.")] = 1,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Rendering threads of each; default: all cores, shared out.")
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler (tcp://...), whose workers make the frames.")
+    ] = None,
     variant: Variant = None,
 ) -> None:
-    """Generate a labelled dataset; killed and resumed, it has the same bytes."""
+    """Generate a labelled dataset; killed and resumed, or made by many, it has the same bytes."""
     from uwsim import commands
 
     with _progress() as report:
-        dataset = commands.generate_dataset(recipe, out, resume=resume, report=report, variant=variant)
+        dataset = commands.generate_dataset(
+            recipe, out, resume=resume, report=report, variant=variant, workers=workers, threads=threads,
+            cluster=cluster,
+        )  # fmt: skip
     _print(f"{out}: {len(dataset)} frames")
-    if noisy := commands.noisy_frames_line(dataset):
-        _print(noisy)
+    for line in (commands.noisy_frames_line(dataset), commands.mixed_processors_line(dataset)):
+        if line:
+            _print(line)
+    if line := commands.failed_frames_line(dataset):
+        sys.stderr.write(f"uwsim: {line}\n")
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -255,13 +269,13 @@ def check(folder: Annotated[Path, typer.Argument(help="Dataset folder")]) -> Non
 def gallery(
     folder: Annotated[Path, typer.Argument(help="Dataset folder")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: gallery/ in FOLDER.")] = None,
-    processes: Annotated[int, typer.Option(help="Frames that are drawn at the same time.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that draw frames side by side.")] = 1,
 ) -> None:
     """Write a static page to look through a dataset; killed and started again, it goes on where it was."""
     from uwsim.gallery.make import write
 
     with _progress() as report:
-        written = write(folder, out, processes=processes, progress=lambda done, total: report("gallery", done, total))
+        written = write(folder, out, processes=workers, progress=lambda done, total: report("gallery", done, total))
     _print(f"open {written.page}: {written.frames} frames, {written.made} previews made")
 
 

@@ -1,11 +1,14 @@
 """What the commands of `uwsim.cli` do, without printing."""
 
+import json
 import re
 import tempfile
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from uwsim.progress import Report
+from uwsim.provenance import thread_count
 
 
 def sized_scene(name: str, size: str | None):
@@ -130,6 +133,30 @@ def noisy_frames_line(dataset) -> str | None:
     )
 
 
+def failed_frames_line(dataset) -> str | None:
+    """Return in one line which frames of the recipe could not be made, None if all could."""
+    failed = dataset.manifest.get("failed")
+    if not failed:
+        return None
+    name, first = next(iter(failed.items()))
+    return (
+        f"{dataset.folder}: {len(failed)} of {len(dataset) + len(failed)} frames could not be made (dataset.json, "
+        f"failed), such as {name} of seed {first['seed']}: {first['error']}; --resume tries again"
+    )
+
+
+def mixed_processors_line(dataset) -> str | None:
+    """Return in one line that frames were made by processors of another kind, None if all are of this one's."""
+    lines = (dataset.folder / "run.jsonl").read_text(encoding="utf-8").splitlines()
+    mixed = [entry for entry in map(json.loads, lines) if "mixed" in entry]
+    if not mixed:
+        return None
+    return (
+        f"{len(mixed)} frames were made by processors of another kind (run.jsonl, mixed), such as that of "
+        f"{mixed[0]['worker']}: equal within Monte-Carlo noise, not byte for byte"
+    )
+
+
 def render_geometry(scene, out: Path) -> None:
     """Cast rays and write the geometry buffers to `out`/geometry.exr; works without libLLVM."""
     from uwsim.dataset import exr
@@ -154,20 +181,47 @@ def light_variant(name: str | None) -> str | None:
     return name
 
 
-def generate_dataset(recipe: str, out: Path, *, resume: bool, report: Report, variant: str | None = None):
-    """Generate (or finish) a dataset and return it; `variant` of Mitsuba as in `render_scene`."""
+def generate_dataset(
+    recipe: str, out: Path, *, resume: bool, report: Report, variant: str | None = None, workers: int = 1,
+    threads: int | None = None, cluster: str | None = None,
+):  # fmt: skip
+    """Generate (or finish) a dataset and return it; `variant` of Mitsuba as in `render_scene`.
+
+    workers: processes on this machine; threads: of each, all cores shared out if None. cluster: address of a Dask
+    scheduler, whose workers make the frames instead.
+    """
+    from uwsim.dataset import runners
+    from uwsim.dataset.cluster import on_cluster
     from uwsim.dataset.generate import generate
     from uwsim.dataset.recipe import load_recipe
     from uwsim.render import variants
 
+    if cluster is not None and workers != 1:
+        raise ValueError(f"--workers: got {workers} with --cluster, allowed: one or the other")
     loaded, path = load_recipe(recipe)
     _folder(out)
-    variants.use(light_variant(variant))
+    variant = variants.use(light_variant(variant))
+    if cluster is None:
+        threads = threads or max(1, thread_count() // workers)
+        variants.set_threads(threads)
 
-    def progress(frame, frames, what, done, total):
-        report(f"{loaded.name}: frame {frame + 1} of {frames}, {what}", frame * total + done, frames * total)
+    def picture(number, frames, what, done, total):
+        left = loaded.frames - frames  # there before this run
+        report(
+            f"{loaded.name}: frame {left + number + 1} of {loaded.frames}, {what}", (left + number) * total + done,
+            loaded.frames * total,
+        )  # fmt: skip
 
-    return generate(loaded, out, where=path, resume=resume, progress=progress)
+    def done(there, frames):
+        report(f"{loaded.name}: {there} of {frames} frames", there, frames)
+
+    if cluster is not None:
+        run = partial(on_cluster, address=cluster, dataset=out, variant=variant, threads=threads)
+    elif workers > 1:
+        run = partial(runners.by_processes, processes=workers, threads=threads, variant=variant)
+    else:
+        return generate(loaded, out, where=path, resume=resume, run=partial(runners.here, progress=picture))
+    return generate(loaded, out, where=path, resume=resume, run=run, side_by_side=workers, done=done)
 
 
 def run_benchmark(

@@ -1,10 +1,12 @@
 """Files that are complete or absent, checksums, and the data that ships with the package."""
 
 import contextlib
+import gzip
 import hashlib
 import json
 import os
 import tomllib
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -23,8 +25,10 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file atomically."""
-    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    """Write a UTF-8 text file atomically; compressed where the name ends in .gz, the same text to the same bytes."""
+    data = text.encode()
+    packed = gzip.compress(data, mtime=0) if Path(path).suffix == ".gz" else data
+    write_atomically(path, lambda temporary: temporary.write_bytes(packed))
 
 
 def write_json(path: Path, value: object) -> None:
@@ -33,12 +37,13 @@ def write_json(path: Path, value: object) -> None:
 
 
 def read_json(path: Path) -> object:
-    """Read a JSON file; ValueError in one line if it is missing or broken."""
+    """Read a JSON file, compressed if its name ends in .gz; ValueError in one line if it is missing or broken."""
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        data = Path(path).read_bytes()
+        return json.loads(gzip.decompress(data) if Path(path).suffix == ".gz" else data)
     except FileNotFoundError:
         raise ValueError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path}: not readable as JSON: {error}") from error
 
 
@@ -50,6 +55,30 @@ def read_toml(path: Path) -> dict:
         raise ValueError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ValueError(f"{path}: not readable as TOML: {error}") from None
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder for this process until the block or the process ends; ValueError if another one holds it.
+
+    Does nothing where the system has no such locks.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    held = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(f"{folder}: another run is writing there; allowed: one at a time") from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(held)
 
 
 @contextlib.contextmanager

@@ -23,7 +23,7 @@ PACKAGES = (
     "opencv-python-headless",
     "pydantic",
 )
-OPTIONAL_PACKAGES = ("torch", "distributed", "pyoidn", "poselib", "PythonicDISORT", "iadpython")
+OPTIONAL_PACKAGES = ("torch", "pyoidn", "poselib", "PythonicDISORT", "iadpython")
 
 # processor features that decide the vector width or how multiplications and additions are fused
 FEATURES = (

@@ -7,14 +7,22 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 
 
+class Killed(ValueError):
+    """A worker process was killed; `unfinished`: numbers of the tasks that were begun, or about to be."""
+
+    def __init__(self, message: str, unfinished: list[int]):
+        super().__init__(message)
+        self.unfinished = unfinished
+
+
 def results(
     function: Callable, tasks: Sequence[tuple], *, processes: int, option: str, prepare: tuple = ()
 ) -> Iterator[tuple[int, object]]:
     """Yield (number of the task, what `function(*task)` returns) as the tasks are done, in any order.
 
     `prepare`: a function and its arguments, called once in each process before its first task. Function, tasks and
-    results are pickled. Raises what a task raises, and ValueError where a process was killed; `option`: the command
-    line's name for `processes`, for that message.
+    results are pickled. Raises what a task raises, and `Killed` where a process was killed; `option`: the name that the
+    command line has for `processes`, for that message.
     """
     # spawn: a fork would copy the threads' locks of OpenCV and OpenEXR
     with ProcessPoolExecutor(
@@ -29,10 +37,12 @@ def results(
                 if not running:
                     return
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    yield running.pop(future), future.result()
+                    result = future.result()
+                    yield running.pop(future), result
         except BrokenProcessPool:
-            raise ValueError(
-                f"{option} {processes}: a process was killed (out of memory?); what was done so far is kept"
+            raise Killed(
+                f"{option} {processes}: a process was killed (out of memory?); what was done so far is kept",
+                sorted(running.values()),
             ) from None
         finally:
             pool.shutdown(wait=True, cancel_futures=True)

@@ -52,7 +52,7 @@ def test_the_command_refuses_in_one_line(tmp_path):
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
 def test_a_killed_run_leaves_no_process_behind_and_the_next_goes_on(tmp_path):
     synthetic_dataset(tmp_path / "data")
-    arguments = ["gallery", tmp_path / "data", "--out", tmp_path / "out", "--processes", "2"]
+    arguments = ["gallery", tmp_path / "data", "--out", tmp_path / "out", "--workers", "2"]
     running = subprocess.Popen([sys.executable, "-m", "uwsim.cli", *map(str, arguments)])
     # killed as soon as a worker has begun to write
     assert within(60, lambda: any((tmp_path / "out/frames").glob("0*")))

@@ -1,7 +1,6 @@
 """The page of the validity study: its numbers are those of the records, and it is made of what lies in its folder."""
 
 import dataclasses
-import json
 import math
 
 import numpy as np
@@ -13,6 +12,7 @@ from uwsim.bench.records import read_result
 from uwsim.bench.run import run
 from uwsim.bench.validity import experiment, figures, page
 from uwsim.bench.validity.study import Study, title
+from uwsim.files import read_json
 
 
 @pytest.fixture(scope="module")
@@ -58,20 +58,20 @@ def test_the_page_names_its_figures_and_all_are_there(folder):
     text = (folder / "README.md").read_text()
     named = {part.partition(")")[0] for part in text.split("](")[1:]}
     assert named == {path.name for path in folder.glob("*.png")}
-    assert {path.name for path in folder.glob("*.json")} == {"validity.json", "validity_chart.json"}
+    assert {path.name for path in folder.glob("*.json.gz")} == {"validity.json.gz", "validity_chart.json.gz"}
     assert len(named) >= 10
 
 
 def test_the_page_is_made_of_the_results_that_lie_there(folder, tmp_path):
     assert page.text(folder) == (folder / "README.md").read_text()
-    (tmp_path / "validity.json").write_text((folder / "validity.json").read_text())
+    (tmp_path / "validity.json.gz").write_bytes((folder / "validity.json.gz").read_bytes())
     alone = page.text(tmp_path)
     assert "The grid" in alone
     assert "Table 2.1" not in alone
 
 
 def test_numbers_of_the_tables_are_those_of_the_records(folder):
-    study = Study(read_result(folder / "validity_chart.json"))
+    study = Study(read_result(folder / "validity_chart.json.gz"))
     cases = experiment.turbid_cases(study)
     assert cases == {"moderate": "000001", "high": "000002"}
     text = (folder / "README.md").read_text()
@@ -92,7 +92,7 @@ def test_printed_mse_and_psnr_agree_with_each_other():
 
 
 def test_steps_join_what_is_nearly_the_same(folder):
-    study = Study(read_result(folder / "validity.json"))
+    study = Study(read_result(folder / "validity.json.gz"))
     depths = {"000000": 1.0, "000001": 1.1, "000002": 4.0}
     changed = Study(with_conditions(study.result, {case: {"optical_depth": depth} for case, depth in depths.items()}))
     assert changed.steps("optical_depth") == [(pytest.approx(1.05), ["000000", "000001"]), (4.0, ["000002"])]
@@ -100,7 +100,7 @@ def test_steps_join_what_is_nearly_the_same(folder):
 
 
 def test_errors_that_noise_hides_are_no_proof_of_validity(folder):
-    study = Study(read_result(folder / "validity.json"))
+    study = Study(read_result(folder / "validity.json.gz"))
     model = study.models[-1]  # fitted: right
     assert study.share_within(model, 5.0) == 100
     noisy = {case: {"resolution_percent": 20.0} for case in study.cases}
@@ -108,7 +108,7 @@ def test_errors_that_noise_hides_are_no_proof_of_validity(folder):
 
 
 def test_shares_of_light_sum_to_one(folder):
-    content = json.loads((folder / "validity.json").read_text())
+    content = read_json(folder / "validity.json.gz")
     for condition in content["provenance"]["conditions"].values():
         assert sum(figures.shares_of(condition).values()) == pytest.approx(1, abs=1e-3)
 
@@ -120,7 +120,7 @@ def test_titles():
 
 
 def test_figures_have_the_same_bytes_each_time(folder, tmp_path):
-    study = Study(read_result(folder / "validity.json"))
+    study = Study(read_result(folder / "validity.json.gz"))
     figures.error_over_depth(study, tmp_path / "one.png")
     assert (tmp_path / "one.png").read_bytes() == (folder / "error_over_optical_depth.png").read_bytes()
 
@@ -132,7 +132,7 @@ def test_only_whole_runs_of_the_study_have_a_page(name, algorithms):
 
 
 def test_one_turbidity_is_no_experiment(folder):
-    study = Study(read_result(folder / "validity_chart.json"))
+    study = Study(read_result(folder / "validity_chart.json.gz"))
     conditions = {"000000": study.conditions["000000"]}
     alone = dataclasses.replace(study.result, provenance=study.result.provenance | {"conditions": conditions})
     with pytest.raises(ValueError, match="two or more turbidities"):

@@ -328,5 +328,5 @@ def test_a_folder_that_is_no_gallery_of_this_dataset_is_left_alone(tmp_path, dat
         with pytest.raises(ValueError, match=message):
             write(data.folder, out)
         assert checksums(tmp_path) == before
-    with pytest.raises(ValueError, match="--processes: got 0, allowed: 1 or more"):
+    with pytest.raises(ValueError, match="--workers: got 0, allowed: 1 or more"):
         write(data.folder, made, processes=0)

@@ -12,7 +12,7 @@ PACKAGE = Path(uwsim.__file__).parent
 
 LEAVES = {"images", "look", "seeds", "discovery", "files", "provenance", "validation", "workers"}
 # the half of the dataset folder that reads and writes; whoever may read datasets may import all of it
-STORE = {"dataset.store", "dataset.frame", "dataset.info", "dataset.exr", "dataset.sequence"}
+STORE = {"dataset.store", "dataset.frame", "dataset.info", "dataset.parts", "dataset.exr", "dataset.sequence"}
 
 # folder or module at the top of uwsim: what it may import beside itself and the leaves
 RULES: dict[str, set[str]] = {
@@ -29,7 +29,7 @@ RULES: dict[str, set[str]] = {
     "learning": {"restoration", "motion_blur", "dataset.store"},
     "metrics": set(),
     "progress": set(),
-    "export": {"camera", "dataset.store", "dataset.frame", "dataset.info", "dataset.sequence"},
+    "export": {"camera", "dataset.store", "dataset.frame", "dataset.info", "dataset.parts", "dataset.sequence"},
     "gallery": {"camera", "dataset.store", "dataset.frame", "dataset.info"},
     "bench": {
         "optics",

@@ -10,7 +10,7 @@ from uwsim.bench.task import linear_buffer, sensor_keywords
 from uwsim.camera import auto_exposure, sensor, sensor_record
 from uwsim.dataset.check import check_frame
 from uwsim.dataset.frame import RAW, read_frame, write_frame
-from uwsim.dataset.info import Vignetting
+from uwsim.dataset.parts import Vignetting
 from uwsim.scene import truth
 from uwsim.scene.models import Scene
 from uwsim.validation import validated

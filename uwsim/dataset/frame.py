@@ -108,28 +108,34 @@ def read_frame(folder: Path) -> Frame:
 def write_frame(
     folder: Path, *, image: np.ndarray, buffers: dict[str, np.ndarray], info: FrameInfo, raw: np.ndarray | None = None
 ) -> None:
-    """Write a frame to `<folder>.partial`, then rename: `folder` is complete or absent.
+    """Write a frame to `<folder>.<unique>.partial`, then rename: `folder` is complete or absent.
 
     `image` (H, W, 3) uint8; `buffers` by name as in BUFFERS, (H, W) or (H, W, C); `raw` uint16, (H, W) or (H, W, 3),
     if and only if `info.sensor.raw`.
-    Raises ValueError on an unknown, missing, misshapen or non-finite buffer.
+    Raises ValueError on an unknown, missing, misshapen or non-finite buffer, FileExistsError if `folder` is there.
     """
     import shutil
+    import uuid
 
     check_buffers(buffers, height=info.camera.height_px, width=info.camera.width_px)
     check_options(buffers, info)
     if (raw is not None) != info.sensor.raw:
         raise ValueError(f"{folder}: raw picture {'not ' if raw is None else ''}given, sensor.raw = {info.sensor.raw}")
     folder = Path(folder)
-    partial = folder.with_name(folder.name + ".partial")
-    shutil.rmtree(partial, ignore_errors=True)
+    partial = folder.with_name(f"{folder.name}.{uuid.uuid4().hex}.partial")  # two writers never share one
     partial.mkdir(parents=True)
-    images.write_png(partial / "image.png", image)
-    if raw is not None:
-        images.write_png(partial / RAW, raw)
-    exr.write(partial / "frame.exr", {name: (buffers[name], BUFFERS[name][1]) for name in BUFFERS if name in buffers})
-    write_json(partial / "frame.json", info.model_dump(mode="json"))
-    partial.rename(folder)
+    try:
+        images.write_png(partial / "image.png", image)
+        if raw is not None:
+            images.write_png(partial / RAW, raw)
+        stored = {name: (buffers[name], BUFFERS[name][1]) for name in BUFFERS if name in buffers}
+        exr.write(partial / "frame.exr", stored)
+        write_json(partial / "frame.json", info.model_dump(mode="json"))
+        if folder.is_dir():
+            raise FileExistsError(f"{folder}: exists already, allowed: a new folder")
+        partial.rename(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def check_buffers(buffers: dict[str, np.ndarray], *, height: int, width: int, where: str = "frame") -> None:

@@ -1,6 +1,7 @@
 """Write the sequences of a recipe: the true motion of the rig, what its IMU says, and which frames belong to it."""
 
-from collections.abc import Iterator
+import shutil
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +24,20 @@ def first_frames(recipe: Recipe) -> Iterator[tuple[Group, int, int]]:
         start += group.count
 
 
-def write_sequences(recipe: Recipe, out: Path, *, where: object) -> None:
-    """Write the sequences of `recipe` that are not yet in the dataset folder `out`; where: the recipe's path."""
+def write_sequences(recipe: Recipe, out: Path, *, where: object, without: Collection[str] = ()) -> None:
+    """Write the sequences of `recipe` into the dataset folder `out`; where: the recipe's path.
+
+    without: names of frames that could not be made. A sequence that lies there already with the same frames stays.
+    """
     for group, combination, first in first_frames(recipe):
         folder = Path(out) / "sequences" / group.sequence_name(combination)
-        if not folder.is_dir():
-            drawn = draw(recipe, first, where=where)
-            tables = _tables(drawn, seed=recipe.seed, first=first)
-            stored.write_sequence(folder, info=_info(recipe, group, combination, first, drawn), **tables)
+        drawn = draw(recipe, first, where=where)
+        info = _info(recipe, group, combination, first, drawn, without)
+        if folder.is_dir() and stored.read_sequence(folder).info == info:
+            continue
+        shutil.rmtree(folder, ignore_errors=True)
+        if info.frames:
+            stored.write_sequence(folder, info=info, **_tables(drawn, seed=recipe.seed, first=first))
 
 
 def _tables(drawn: Drawn, *, seed: int, first: int) -> dict:
@@ -54,7 +61,9 @@ def _tables(drawn: Drawn, *, seed: int, first: int) -> dict:
     return {"trajectory": trajectory, "imu": {"time_ns": times_ns} | measured}
 
 
-def _info(recipe: Recipe, group: Group, combination: int, first: int, drawn: Drawn) -> stored.SequenceInfo:
+def _info(
+    recipe: Recipe, group: Group, combination: int, first: int, drawn: Drawn, without: Collection[str]
+) -> stored.SequenceInfo:
     cameras, sequence, exposure = group.cameras or (ALONE,), drawn.sequence, drawn.still.exposure
     frames = [
         {
@@ -76,7 +85,7 @@ def _info(recipe: Recipe, group: Group, combination: int, first: int, drawn: Dra
             "cameras": [{"name": one.name, "rig_from_camera": one.rig_from_camera.tolist()} for one in cameras],
             "imu": None if sequence.imu is None else _imu(sequence.imu),
             "trajectory": sequence.trajectory.model_dump(mode="json"),
-            "frames": frames,
+            "frames": [frame for frame in frames if frame["name"] not in without],
         }
     )
 

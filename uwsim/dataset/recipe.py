@@ -9,7 +9,7 @@ import copy
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter, model_validator
@@ -36,11 +36,13 @@ class Group(Strict):
 
     The last axis of a grid runs fastest. With a `sequence` each combination is one sequence (paths that begin with
     `sequence.` lead into it), without a grid the group is one. `cameras`: each frame is taken by all of them at once,
-    one frame of the dataset for each, one after the other.
+    one frame of the dataset for each, one after the other. `split`: where exports put the frames; groups of
+    different splits must not show the same bodies in the same places (`make` refuses that).
     """
 
     name: Name
     scene: str
+    split: Literal["train", "val", "test"] | None = None
     frames: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     set: dict[str, object] = {}
     grid: tuple[Axis, ...] = ()
@@ -140,6 +142,9 @@ class Recipe(Strict):
         names = [group.name for group in self.group]
         if len(set(names)) != len(names):
             raise ValueError(f"group names {names} are not unique")
+        without = [group.name for group in self.group if group.split is None]
+        if without and len(without) < len(self.group):
+            raise ValueError(f"split: group {without[0]} has none, others have one; allowed: all or none")
         moving = [group for group in self.group if group.sequence is not None]
         names = [group.sequence_name(number) for group in moving for number in range(group.combinations)]
         if twice := {name for name in names if names.count(name) > 1}:
@@ -251,10 +256,10 @@ def _drawn_values(recipe: Recipe, group: Group, place: moments.Place, *, first: 
 
 
 def resolved(recipe: Recipe) -> dict:
-    """Return the recipe as plain data for dataset.json; a group has no entry for grid, sequence, cameras it lacks."""
+    """Return the recipe as plain data for dataset.json; a group has no entry for what it lacks."""
     data = TypeAdapter(Recipe).dump_python(recipe, mode="json")
     for group in data["group"]:
-        for key in ("grid", "sequence", "cameras"):
+        for key in ("split", "grid", "sequence", "cameras"):
             if not group[key]:
                 del group[key]
     return data

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.spatial.transform import Rotation
 
-from uwsim.dataset.info import Matrix4, Vector3
+from uwsim.dataset.parts import Matrix4, Vector3
 from uwsim.files import read_json, write_json
 from uwsim.validation import validated
 

@@ -57,6 +57,15 @@ def open(folder: Path) -> Dataset:  # noqa: A001 (the published name is uwsim.da
     return Dataset(folder=folder, manifest=manifest, frame_names=frames, sequence_names=sequences)
 
 
+class Failure(BaseModel):
+    """Why a frame of the recipe is not in the dataset; (seed, its number) make it again."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    seed: int
+    error: str
+
+
 class Manifest(BaseModel):
     """The contents of dataset.json."""
 
@@ -72,6 +81,7 @@ class Manifest(BaseModel):
     commit: str | None
     machine: dict
     files: dict[str, str]
+    failed: dict[str, Failure] = {}
 
 
 def read_manifest(folder: Path) -> dict:

@@ -7,7 +7,7 @@ import numpy as np
 from uwsim.camera import sensor_record
 from uwsim.camera.sensor import expose_without_noise
 from uwsim.dataset.frame import Frame
-from uwsim.dataset.info import Body
+from uwsim.dataset.parts import Body
 
 _MOST = np.iinfo(np.uint16).max
 

@@ -39,7 +39,7 @@ def write(
     gallery of this dataset, or if processes < 1.
     """
     if processes < 1:
-        raise ValueError(f"--processes: got {processes}, allowed: 1 or more")
+        raise ValueError(f"--workers: got {processes}, allowed: 1 or more")
     dataset = store.open(Path(folder))
     _check_files(dataset)
     out = dataset.folder / "gallery" if out is None else Path(out)
@@ -110,7 +110,7 @@ def _results(tasks: list[tuple[Path, Path, str]], processes: int) -> Iterator[tu
         for task in tasks:
             yield task[1].name, preview.write_preview(*task)
         return
-    for number, entry in workers.results(preview.write_preview, tasks, processes=processes, option="--processes"):
+    for number, entry in workers.results(preview.write_preview, tasks, processes=processes, option="--workers"):
         yield tasks[number][1].name, entry
 
 

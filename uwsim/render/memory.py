@@ -19,16 +19,17 @@ _CGROUPS = (
 )
 
 
-def require_memory(*, width_px: int, height_px: int) -> None:
+def require_memory(*, width_px: int, height_px: int, workers: int = 1) -> None:
     """Raise ValueError with the estimate unless a frame of this size fits into the memory available.
 
-    Does nothing where the system does not say how much that is.
+    workers: processes that each have one. Does nothing where the system does not say how much memory there is.
     """
-    needed = width_px * height_px * FRAME_BYTES_PER_PIXEL + LAUNCH_BYTES
+    needed = workers * (width_px * height_px * FRAME_BYTES_PER_PIXEL + LAUNCH_BYTES)
     available = available_bytes()
     if available is not None and needed > available:
+        by = f" in {workers} processes" if workers > 1 else ""
         raise ValueError(
-            f"image size: {width_px} x {height_px} pixels need about {needed / _BYTES_PER_GB:.1f} GB of memory, "
+            f"image size: {width_px} x {height_px} pixels{by} need about {needed / _BYTES_PER_GB:.1f} GB of memory, "
             f"allowed: the {available / _BYTES_PER_GB:.1f} GB available here"
         )
 

@@ -50,6 +50,13 @@ def use(variant: str | None = None, *, geometry: bool = False) -> str:
     return variant
 
 
+def set_threads(threads: int) -> None:
+    """Render with so many threads from now on (llvm variants); call `use` first."""
+    import drjit
+
+    drjit.set_thread_count(threads)
+
+
 def active() -> str | None:
     """Return the variant that `use` made active, None before."""
     return _active

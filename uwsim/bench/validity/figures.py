@@ -88,7 +88,7 @@ def light_over_depth(study: Study, path: Path) -> None:
         panel.set(title=f"albedo {albedo:.2g}", xlabel="optical depth", ylim=(0, 100))
         panel.set_xticks(range(len(steps)), [f"{depth:.2g}" for depth, _ in steps])
     panels[0].set_ylabel("share of the light [%]")
-    panels[-1].legend(fontsize=7)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8)
     save(figure, path)
 
 

@@ -36,7 +36,7 @@ def write(folder: Path, *, result: Result, dataset: Dataset) -> Path:
         experiment.write_figures(study, dataset, form, folder)
     else:
         _grid_figures(study, dataset, form, folder)
-    result.write(folder / f"{result.benchmark}.json")
+    result.write(folder / f"{result.benchmark}.json.gz")
     page = folder / "README.md"
     write_text(page, text(folder))
     return page
@@ -44,7 +44,7 @@ def write(folder: Path, *, result: Result, dataset: Dataset) -> Path:
 
 def text(folder: Path) -> str:
     """Return the page of the results in a folder."""
-    found = {name: folder / f"{name}.json" for name in (GRID, experiment.NAME)}
+    found = {name: folder / f"{name}.json.gz" for name in (GRID, experiment.NAME)}
     studies = {name: Study(read_result(path)) for name, path in found.items() if path.is_file()}
     parts = ["# Where imaging models hold", _INTRODUCTION]
     if GRID in studies:
@@ -57,7 +57,8 @@ def text(folder: Path) -> str:
 
 _INTRODUCTION = """Imaging models by formula (`uwsim/formation`) against light transport (`uwsim.render`) of the same
 scenes: same water at every wavelength, same lamp, same camera, no free scale factor between the terms. Made by
-`uwsim bench validity --out DIR` and `uwsim bench validity_chart --out DIR`; all numbers are in the JSON files."""
+`uwsim bench validity --out DIR` and `uwsim bench validity_chart --out DIR`; all numbers are in the JSON files
+(one record per case, model and metric)."""
 
 _METHOD = """## How it is measured
 
@@ -69,6 +70,8 @@ _METHOD = """## How it is measured
 - Contrast error: of the contrast in the groups of a USAF chart relative to that without water, by cross-spectra.
 - PSNR and MSE: of 8-bit pictures by the same camera without sensor noise; auto-exposed to the truth.
 - Models get the reflectance of the whole pixel (from the twin without water), not that of its centre.
+- Akkaynak-Treibitz with physical parameters takes its two coefficients from the spectra within a band; in these waters
+  they hardly differ there, so that it comes out as Beer-Lambert. What its freedom is worth shows when it is fitted.
 - Fitted: the model's own parameters, fitted to each truth by least squares; what they came to is in the JSON (notes).
 - Below sensor noise: the light from bodies is weaker than the camera's noise in 95 % of the pixels."""
 
