@@ -136,11 +136,19 @@ def _verdict(study: Study, cases: dict[str, str]) -> str:
         shares = shares_of(study.conditions[case])
         kept = shares["direct_unscattered"] + study.conditions[case]["shares"]["backscatter"]
         explained[name] = 100 * kept
+
+    def veil(model: str) -> str:
+        return _listed(
+            {name: study.value(case, model, "backscatter_error") for name, case in cases.items()}, "{:.0f} %"
+        )
+
     wins = "holds" if min(better.values()) > 0 else "does not hold"
     negligible = "holds" if max(map(abs, lost.values())) < 1 and max(forward.values()) < 5 else "does not hold"
     return (
         f"*Multistage better than Jaffe-McGlamery* {wins} here: PSNR higher by {_listed(better, '{:+.2f} dB')} "
-        f"(printed {_printed_gain('moderate')} and {_printed_gain('high')}). *Forward scattering negligible* "
+        f"(printed {_printed_gain('moderate')} and {_printed_gain('high')}). The two share the light from bodies and "
+        f"differ in the backscatter: multistage has light scattered once, an error of {veil('multistage')}; "
+        f"Jaffe-McGlamery blurs its slabs on their way, {veil('jaffe_mcglamery')}. *Forward scattering negligible* "
         f"{negligible}: it is {_listed(forward, '{:.0f} %')} of the light of the truth; without it the multistage "
         f"model loses {_listed(lost, '{:.2f} dB')}. Unscattered direct light and backscatter together, all that the "
         f"simplified model has, are {_listed(explained, '{:.0f} %')} of the light."
