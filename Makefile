@@ -16,7 +16,7 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	$(BIN)/uwsim demo
+	$(BIN)/uwsim demo --show
 
 test: setup
 	$(BIN)/python -m pytest -m "not slow"

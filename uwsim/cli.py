@@ -203,7 +203,7 @@ def render(
     variant: Variant = None,
 ) -> None:
     """Render one scene by light transport: OUT becomes a frame folder (image.png, frame.exr, frame.json)."""
-    from uwsim import commands
+    from uwsim import commands, summaries
 
     until = commands.until(samples=samples, batches=batches, noise=noise, time=time)
     loaded = commands.sized_scene(scene, size)
@@ -221,8 +221,8 @@ def render(
             loaded, out, until=until, seed=seed, report=report, checkpoint=checkpoint, resume=resume, orders=orders,
             denoise=denoise, variant=variant,
         )  # fmt: skip
-    _print(f"{text}\n{commands.noise_line(found.noise)}")
-    if line := commands.denoised_line(found.options):
+    _print(f"{text}\n{summaries.noise_line(found.noise)}")
+    if line := summaries.denoised_line(found.options):
         _print(line)
 
 
@@ -241,7 +241,7 @@ def generate(
     variant: Variant = None,
 ) -> None:
     """Generate a labelled dataset; killed and resumed, or made by many, it has the same bytes."""
-    from uwsim import commands
+    from uwsim import commands, summaries
 
     with _progress() as report:
         dataset = commands.generate_dataset(
@@ -249,10 +249,10 @@ def generate(
             cluster=cluster,
         )  # fmt: skip
     _print(f"{out}: {len(dataset)} frames")
-    for line in (commands.noisy_frames_line(dataset), commands.mixed_processors_line(dataset)):
+    for line in (summaries.noisy_frames_line(dataset), summaries.mixed_processors_line(dataset)):
         if line:
             _print(line)
-    if line := commands.failed_frames_line(dataset):
+    if line := summaries.failed_frames_line(dataset):
         sys.stderr.write(f"uwsim: {line}\n")
         raise typer.Exit(1)
 
@@ -372,13 +372,17 @@ def report(
 
 
 @app.command()
-def demo(out: Out = Path("demo")) -> None:
-    """The whole loop: render a small dataset, score the algorithms, write the report (a few minutes)."""
-    from uwsim import commands
+def demo(
+    out: Out = Path("demo"),
+    show: Annotated[bool, typer.Option("--show", help="Open gallery and report in the browser, if any.")] = False,
+) -> None:
+    """The whole loop: render a small dataset, score the algorithms, write report and gallery (a few minutes)."""
+    from uwsim import demonstration
 
     with _progress() as report:
-        page = commands.demonstrate(out, report=report)
-    _print(f"open {page}")
+        page, gallery = demonstration.demonstrate(out, report=report)
+    opened = [show and demonstration.show(one) for one in (page, gallery)]
+    _print(f"{'opened' if all(opened) else 'open'} {page} and {gallery}")
 
 
 def _progress():

@@ -1,6 +1,5 @@
 """What the commands of `uwsim.cli` do, without printing."""
 
-import json
 import re
 import tempfile
 from dataclasses import asdict
@@ -33,10 +32,11 @@ def sized_scene(name: str, size: str | None):
 def _new_folder(out: Path) -> None:
     if out.exists():
         raise ValueError(f"--out {out}: exists already, allowed: a new folder")
-    _folder(out)
+    require_folder(out)
 
 
-def _folder(out: Path) -> None:
+def require_folder(out: Path) -> None:
+    """Raise ValueError unless `out` is a folder, or could be made."""
     if not out.resolve().parent.is_dir():
         raise ValueError(f"--out {out}: the folder {out.parent} does not exist")
     if out.exists() and not out.is_dir():
@@ -95,68 +95,6 @@ def render_scene(
     return made["info"]
 
 
-def noise_line(noise) -> str:
-    """Return the noise of a rendered frame (frame.json, `noise`) in one line."""
-    from uwsim.render import stopping
-
-    radiance = noise.pictures["radiance"]
-    asked = "" if noise.region_rule is None else f" (asked: {noise.region_rule:.2%})"
-    failed = [name for name, one in noise.pictures.items() if not one.pixel_rule_met or one.region_rule_met is False]
-    verdict = "rules met" if noise.met else f"rules NOT met by {', '.join(failed)}"
-    late = " when the time was up" if any(one.ended_by == "time" for one in noise.pictures.values()) else ""
-    return (
-        f"noise after {radiance.samples_per_pixel} samples per pixel: "
-        f"region error {radiance.region_error_p95:.2%}{asked}; {radiance.pixel_share_within:.1%} of pixels "
-        f"within {stopping.PIXEL_RATIO:g} of the sensor's noise (asked: {stopping.PIXEL_SHARE:.0%}): {verdict}{late}"
-    )
-
-
-def denoised_line(options) -> str | None:
-    """Return what the denoiser did to a frame (frame.json, `options`) in one line, None if nothing was denoised."""
-    if options.denoiser is None:
-        return None
-    layers = [
-        f"{layer} {sum(bias.mean) / 3:+.2%} in the mean, {bias.region:.2%} in regions, {bias.pixel:.2%} in pixels"
-        for layer, bias in options.bias["radiance"].items()
-    ]
-    return f"denoised by {options.denoiser}; measured bias: {'; '.join(layers)}"
-
-
-def noisy_frames_line(dataset) -> str | None:
-    """Return in one line how many frames of a dataset do not meet their noise rules, None if all do."""
-    noisy = [info.name for info in (frame.info for frame in dataset.frames) if info.noise and not info.noise.met]
-    if not noisy:
-        return None
-    return (
-        f"{len(noisy)} of {len(dataset)} frames have more Monte-Carlo noise than their rules allow "
-        f"(frame.json, noise): {', '.join(noisy[:3])}{' ...' if len(noisy) > 3 else ''}"
-    )
-
-
-def failed_frames_line(dataset) -> str | None:
-    """Return in one line which frames of the recipe could not be made, None if all could."""
-    failed = dataset.manifest.get("failed")
-    if not failed:
-        return None
-    name, first = next(iter(failed.items()))
-    return (
-        f"{dataset.folder}: {len(failed)} of {len(dataset) + len(failed)} frames could not be made (dataset.json, "
-        f"failed), such as {name} of seed {first['seed']}: {first['error']}; --resume tries again"
-    )
-
-
-def mixed_processors_line(dataset) -> str | None:
-    """Return in one line that frames were made by processors of another kind, None if all are of this one's."""
-    lines = (dataset.folder / "run.jsonl").read_text(encoding="utf-8").splitlines()
-    mixed = [entry for entry in map(json.loads, lines) if "mixed" in entry]
-    if not mixed:
-        return None
-    return (
-        f"{len(mixed)} frames were made by processors of another kind (run.jsonl, mixed), such as that of "
-        f"{mixed[0]['worker']}: equal within Monte-Carlo noise, not byte for byte"
-    )
-
-
 def render_geometry(scene, out: Path) -> None:
     """Cast rays and write the geometry buffers to `out`/geometry.exr; works without libLLVM."""
     from uwsim.dataset import exr
@@ -199,7 +137,7 @@ def generate_dataset(
     if cluster is not None and workers != 1:
         raise ValueError(f"--workers: got {workers} with --cluster, allowed: one or the other")
     loaded, path = load_recipe(recipe)
-    _folder(out)
+    require_folder(out)
     variant = variants.use(light_variant(variant))
     if cluster is None:
         threads = threads or max(1, thread_count() // workers)
@@ -241,7 +179,7 @@ def run_benchmark(
 
     definition = read_definition(name)[1]
     if out is not None:
-        _folder(out)
+        require_folder(out)
         page.check(name, algorithms=algorithms)
     if dataset is None:
         recipe = definition.quick_dataset if quick and definition.quick_dataset else definition.dataset
@@ -283,7 +221,7 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
         raise ValueError(f"{name}: needs {', '.join(missing)}, not installed")
     if needs := tuple(getattr(module, "NEEDS", ())):
         raise ValueError(f"{name}: needs {', '.join(needs)}, which a photograph does not come with")
-    _folder(out)
+    require_folder(out)
     pictures = [read_srgb(path) for path in images]
     names = [f"{path.stem}.png" for path in images]
     if repeated := sorted({n for n in names if names.count(n) > 1}):
@@ -322,30 +260,14 @@ def restoration_table(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def write_page(dataset: Path, out: Path, results: list[dict]) -> None:
-    """Write the report of a dataset and of benchmark results on it."""
+def write_page(dataset: Path, out: Path, results: list[dict], *, gallery: str | None = None) -> None:
+    """Write the report of a dataset and of benchmark results on it; `gallery`: address of one to link to."""
     from uwsim.bench.report import write_report
     from uwsim.dataset import store
 
     opened = store.open(dataset)
     environment = {key: opened.manifest[key] for key in ("versions", "machine", "commit")}
-    write_report(out, dataset=opened, results=results, environment=environment)
-
-
-def demonstrate(out: Path, *, report: Report) -> Path:
-    """Render the demo dataset (or finish it), run the benchmarks, write the report; return the page."""
-    _folder(out)
-    out.mkdir(exist_ok=True)
-    generate_dataset("demo", out / "dataset", resume=True, report=report)
-    results = []
-    for name in ("restoration", "blur", "pose"):
-        result = run_benchmark(name, out / "dataset", algorithms=None, quick=False, report=report)
-        result.write(out / f"{name}.json")
-        results.append(result.to_dict())
-    page = out / "report.html"
-    report("report", 0, 1)
-    write_page(out / "dataset", page, results)
-    return page
+    write_report(out, dataset=opened, results=results, environment=environment, gallery=gallery)
 
 
 def write_optics_page(out: Path) -> None:
@@ -354,7 +276,7 @@ def write_optics_page(out: Path) -> None:
 
     from uwsim import optics_page
 
-    _folder(out)
+    require_folder(out)
     with tempfile.TemporaryDirectory(dir=out.resolve().parent) as folder:
         optics_page.write(Path(folder))
         out.mkdir(exist_ok=True)

@@ -140,7 +140,7 @@ def _known_keys(model: type, location: tuple) -> list[str]:
 
     node = resolved(schema)
     for part in location:
-        options = [option for option in node.get("anyOf", []) if "$ref" in option]
+        options = [option for option in node.get("anyOf", node.get("oneOf", [])) if "$ref" in option]
         if part in node.get("properties", {}):
             node = node["properties"][part]
         elif "discriminator" in node:

@@ -273,7 +273,7 @@ def test_refusals_are_one_line(folder, monkeypatch, capsys, options, fragments):
 @pytest.mark.parametrize(
     ("old", "new", "fragment"),
     [
-        ("max_samples = 144", "max_samples = 100", "a multiple of 16, at least 128"),
+        ("max_samples = 144", "max_samples = 100", "a multiple of samples_per_batch = 16, at least 128"),
         ("region = 0.0005", "region = 0.0", "noise.region"),
         (", max_samples = 144", "", "noise.max_samples"),
         ("seed = 3", "seed = 3\nsamples_per_pixel = 8", "give either samples_per_pixel or noise"),

@@ -43,6 +43,8 @@ def test_shipped_scenes_load_by_path_and_by_name(path):
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_the_first_body_of_a_shipped_scene_is_in_the_middle_of_the_picture(path):
     scene = load_scene(path.stem)
+    if scene.bodies[0].kind == "tank":
+        pytest.skip("a whole tank, without a subject")
     local = pose.apply(pose.inverse(scene.rig.world_from_rig), np.array(scene.bodies[0].position_m))
     x, y = pinhole.project(local, scene.rig.camera.K)
     assert abs(x - scene.rig.camera.width_px / 2) < 0.1 * scene.rig.camera.width_px

@@ -18,19 +18,24 @@ _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-
 
 
 def write_report(
-    path: Path, *, dataset: Dataset, results: list[dict], environment: dict, method_images: bool = True
-) -> None:
+    path: Path, *, dataset: Dataset, results: list[dict], environment: dict, method_images: bool = True,
+    gallery: str | None = None,
+) -> None:  # fmt: skip
     """Write the report of a dataset and of benchmark results on it, complete or absent.
 
     `results`: contents of result files (`Result.to_dict()`); `environment`: settings and versions to list,
-    may be nested; `method_images`: run the methods on one frame each to show what they do.
+    may be nested; `method_images`: run the methods on one frame each to show what they do; `gallery`: address of the
+    dataset's gallery, seen from the page, to link to.
     The bytes depend on the arguments alone. Raises ValueError on a result that is none.
     """
     read = [result_from_dict(result) for result in results]
-    write_text(Path(path), page(dataset, read, environment, method_images=method_images))
+    write_text(Path(path), page(dataset, read, environment, method_images=method_images, gallery=gallery))
 
 
-def page(dataset: Dataset, results: list[Result], environment: dict, *, method_images: bool = True) -> str:
+def page(
+    dataset: Dataset, results: list[Result], environment: dict, *, method_images: bool = True,
+    gallery: str | None = None,
+) -> str:  # fmt: skip
     """Return the page as a string."""
     frame = frames.shown_frame(dataset)
     by_task = {result.provenance.get("definition", {}).get("task", result.benchmark): result for result in results}
@@ -42,7 +47,7 @@ def page(dataset: Dataset, results: list[Result], environment: dict, *, method_i
         methods.blur_section(dataset, shown.get("blur")),
         methods.pose_section(dataset, shown.get("pose")),
         _benchmarks(results, dataset),
-        frames.overview_section(dataset),
+        frames.overview_section(dataset, gallery),
         section("environment", "Environment", pairs_table(flatten(environment), "What this was made with")),
         _reproduce(dataset, results),
     ]

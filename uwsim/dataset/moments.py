@@ -98,10 +98,12 @@ def _lamp_place(camera_from_lamp: np.ndarray) -> dict:
 
 
 def _carried_on(body, entry: dict, time_s: float, *, where: object) -> dict:
-    """Return the values of a body that moves, `time_s` after the time at which the scene gives its place.
+    """Return the values of a body that moves or sways, `time_s` after the time at which the scene gives its place.
 
     That is time 0 of the sequence's trajectory, and of the body's own.
     """
+    if body.kind == "plants" and body.sway_deg > 0:
+        entry = entry | {"sway_phase_deg": body.swayed(time_s)}
     if not body.moves:
         return entry
     trajectory, motion = getattr(body, "trajectory", None), getattr(body, "motion", None)

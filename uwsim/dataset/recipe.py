@@ -91,16 +91,22 @@ class NoiseRule(Strict):
     """Render every light picture until its Monte-Carlo noise is low enough, see `uwsim.render.stopping`.
 
     region: relative error of region means. Single pixels must be good enough for the sensor too. A picture that is not
-    so far after `max_samples` per pixel ends there, and its frame says so.
+    so far after `max_samples` per pixel ends there, and its frame says so. It has at least 8 batches.
     """
 
     region: Annotated[float, Field(ge=1e-4, le=0.5)]
     max_samples: Annotated[int, Field(le=10_000_000)]
+    samples_per_batch: Annotated[int, Field(ge=1, le=10_000)] = stopping.SAMPLES_PER_BATCH
 
     @model_validator(mode="after")
     def _usable(self):
-        stopping.most_batches(self.max_samples)
+        _ = self.until
         return self
+
+    @property
+    def until(self) -> stopping.Until:
+        most = stopping.most_batches(self.max_samples, self.samples_per_batch)
+        return stopping.Until(region=self.region, batches=most, samples_per_batch=self.samples_per_batch)
 
 
 class Recipe(Strict):
@@ -156,7 +162,7 @@ class Recipe(Strict):
         """What ends the render of every light picture."""
         if self.noise is None:
             return stopping.until(self.samples_per_pixel, self.batches, None)
-        return stopping.Until(region=self.noise.region, batches=stopping.most_batches(self.noise.max_samples))
+        return self.noise.until
 
     @property
     def options(self) -> smooth.Options:

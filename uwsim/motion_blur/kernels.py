@@ -1,4 +1,4 @@
-"""Uniform straight motion blur: its transfer function, its raster kernel, and blurring with it.
+"""Motion blur: transfer function, raster kernel, blurring with a uniform straight one; the kernel of any path.
 
 Angles: x right, **y up**, degrees; the kernel is centred and even, so the direction has no sign.
 """
@@ -57,6 +57,37 @@ def kernel(size_px: int, *, length_px: float, angle_deg: float) -> np.ndarray:
     end = np.minimum(column_end[None, :], row_end[:, None])
     shares = np.clip(end - start, 0.0, None)
     return shares / shares.sum()
+
+
+def kernel_of_path(size_px: int, offsets_px: np.ndarray) -> np.ndarray:
+    """Return the kernel of a path as a picture, (size, size) float64: the share of the time inside each pixel; sum 1.
+
+    `offsets_px` (n, 2), n >= 2: displacements (x right, y **down**) at equal steps of the exposure, joined by straight
+    pieces; (0, 0), the place in the sharp picture, is the middle of the middle pixel. Convolving the sharp picture with
+    it blurs. Raises ValueError if `size_px` is even or the path does not fit.
+    """
+    offsets = np.asarray(offsets_px, float)
+    if offsets.ndim != 2 or offsets.shape[1] != 2 or len(offsets) < 2 or not np.all(np.isfinite(offsets)):
+        raise ValueError(f"kernel_of_path: got offsets of shape {offsets.shape}, allowed: finite (n, 2), n >= 2")
+    reach = float(np.abs(offsets).max())
+    if size_px < 1 or size_px % 2 == 0 or reach > size_px / 2 + 1e-9:
+        raise ValueError(f"kernel_of_path: got size {size_px} px, allowed: odd and at least {2 * reach:.4g} px")
+    centres = np.arange(size_px) - size_px // 2
+    result = np.zeros((size_px, size_px))
+    for start, end in zip(offsets[:-1], offsets[1:], strict=True):
+        (left, right), (top, bottom) = (_crossing(centres, one, other) for one, other in zip(start, end, strict=True))
+        inside = np.minimum(right[None, :], bottom[:, None]) - np.maximum(left[None, :], top[:, None])
+        result += np.clip(inside, 0.0, None)
+    return result / result.sum()
+
+
+def _crossing(centres: np.ndarray, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the interval of s in [0, 1] for which start + (end - start) s lies in each pixel of one axis."""
+    if abs(end - start) < 1e-12:
+        inside = centres == np.clip(np.floor(start + 0.5), centres[0], centres[-1])
+        return np.where(inside, 0.0, 1.0), np.where(inside, 1.0, 0.0)
+    bounds = (np.stack([centres - 0.5, centres + 0.5]) - start) / (end - start)
+    return np.clip(bounds.min(axis=0), 0, 1), np.clip(bounds.max(axis=0), 0, 1)
 
 
 def _inside(centres: np.ndarray, half_extent: float) -> tuple[np.ndarray, np.ndarray]:

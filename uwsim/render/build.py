@@ -1,6 +1,6 @@
 """A scene description as Mitsuba objects. The only place that calls `mi.load_dict` on a scene."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,8 @@ class Built:
 
     `water` and `medium` are None where nothing absorbs or scatters. `added` holds the waters on top of it, `housings`
     what shadows and stays black, `daylight` what comes through the surface, `particles` the ids of the shapes that are
-    no bodies but large particles, `sub_frames` where the bodies are in the parts of the exposure (None: at rest).
+    no bodies but large particles, `sub_frames` where the bodies are in the parts of the exposure (None: at rest),
+    `glowing` the spectral radiance (a Mitsuba spectrum) of the shapes that shine by themselves, by id.
     """
 
     scene: Any
@@ -39,6 +40,7 @@ class Built:
     refractive_index: float = 1.0
     particles: tuple[str, ...] = ()
     sub_frames: SubFrames | None = None
+    glowing: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,7 @@ def build(scene: Scene, *, water: Water | None, rig_poses: np.ndarray, sub_frame
         refractive_index=scene.water.refractive_index,
         particles=tuple(snow),
         sub_frames=_sub_frames(scene, loaded, count=sub_frames),
+        glowing=_glowing(mi, scene),
     )
 
 
@@ -132,6 +135,14 @@ def _bodies(mi, scene: Scene) -> dict:
         f"body{index}_{part}": shape
         for index, body in numbered(scene.bodies)
         for part, shape in body_shapes(mi, body).items()
+    }
+
+
+def _glowing(mi, scene: Scene) -> dict:
+    return {
+        f"body{index}_{part}": mi.load_dict(spectrum(radiance, where=f"body {body.name}"))
+        for index, body in numbered(scene.bodies)
+        for part, radiance in getattr(body, "glow", {}).items()
     }
 
 

@@ -147,13 +147,15 @@ class LampWalk:
         return [direct, forward, backward, unscattered, single]
 
     def _reflected(self, met, k, state, active):
-        """Radiance that a body sends back along the ray of light straight from lamps and sun."""
+        """Radiance that a body sends back along the ray: of light straight from lamps and sun, and of its own."""
         total = mi.Spectrum(0.0)
         for light in self.world.lights:
             came = light.arriving(met.si, state, self.world, k, active)
             bsdf = met.si.bsdf().eval(mi.BSDFContext(), met.si, met.si.to_local(came.direction), came.visible)
             total += dr.select(came.visible, bsdf * came.irradiance * dr.exp(-came.depth), 0.0)
-        return total
+        # what shines is met by chance alone: no path is sent there on purpose, nothing counts twice
+        glow = self.world.glow(met.si, active)
+        return total if glow is None else total + glow
 
     def _sky(self, ray, active):
         if self.world.surface is None:

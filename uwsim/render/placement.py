@@ -46,9 +46,8 @@ def check(scene: Scene) -> None:
         _check_below(scene, body, triangles.reshape(-1, 3))
         # the body where it is at mid-exposure, the openings as they are to it then
         back = body.world_from_body @ pose.inverse(body.poses_at(times_s))
-        closed = isinstance(body, (Mesh, Generated)) and is_closed(triangles)
         for name, points in opened.items():
-            _check_apart(name, pose.apply_each(back[:, None], points).reshape(-1, 3), body, triangles, closed=closed)
+            _check_apart(name, pose.apply_each(back[:, None], points).reshape(-1, 3), body, triangles)
 
 
 def _openings_by_name(scene: Scene, times_s: np.ndarray) -> dict[str, np.ndarray]:
@@ -63,11 +62,13 @@ def _openings_by_name(scene: Scene, times_s: np.ndarray) -> dict[str, np.ndarray
     return found
 
 
-def _check_apart(name: str, points: np.ndarray, body, triangles: np.ndarray, *, closed: bool) -> None:
+def _check_apart(name: str, points: np.ndarray, body, triangles: np.ndarray) -> None:
     low, high = triangles.min(axis=(0, 1)) - LEAST_DISTANCE_M, triangles.max(axis=(0, 1)) + LEAST_DISTANCE_M
     near = points[np.all((points >= low) & (points <= high), axis=-1)]
     if len(near) == 0:
         return
+    # asked for what is near only: of fine meshes it takes seconds
+    closed = isinstance(body, (Mesh, Generated)) and is_closed(triangles)
     if closed and np.any(winding_number(near, triangles) > 0.5):
         raise ValueError(f"{name}: is inside body {body.name}, allowed: outside of it during the whole exposure")
     apart_m = distance_m(near, triangles).min()

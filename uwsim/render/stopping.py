@@ -112,14 +112,14 @@ def check_samples(samples_per_pixel: int, batches: int) -> None:
         )
 
 
-def most_batches(max_samples: int) -> int:
+def most_batches(max_samples: int, samples_per_batch: int = SAMPLES_PER_BATCH) -> int:
     """Return the batches in `max_samples`; ValueError unless they are whole and enough for a rule to be asked."""
-    if max_samples % SAMPLES_PER_BATCH or max_samples < LEAST_BATCHES * SAMPLES_PER_BATCH:
+    if max_samples % samples_per_batch or max_samples < LEAST_BATCHES * samples_per_batch:
         raise ValueError(
-            f"max_samples: got {max_samples}, allowed: a multiple of {SAMPLES_PER_BATCH}, "
-            f"at least {LEAST_BATCHES * SAMPLES_PER_BATCH}"
+            f"max_samples: got {max_samples}, allowed: a multiple of samples_per_batch = {samples_per_batch}, "
+            f"at least {LEAST_BATCHES * samples_per_batch}"
         )
-    return max_samples // SAMPLES_PER_BATCH
+    return max_samples // samples_per_batch
 
 
 def next_check(batches: int) -> int:

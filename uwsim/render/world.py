@@ -23,6 +23,8 @@ class World:
         self.scene, self.housings = built.scene, built.housings
         self.medium = None if built.medium is None else Medium(built)
         self.snow = [shape for shape in built.scene.shapes() if shape.id() in built.particles]
+        by_id = {shape.id(): shape for shape in built.scene.shapes()}
+        self.glowing = [(by_id[name], radiance) for name, radiance in built.glowing.items()]
         daylight = built.daylight
         lamps = list(built.scene.emitters())
         self.surface, self.sun, self.lamps = None, None, [LampLight(lamp) for lamp in lamps]
@@ -56,6 +58,15 @@ class World:
         for shape in self.snow:
             particle |= body & (si.shape == mi.ShapePtr(shape))
         return Meeting(si, length, body, surface, particle)
+
+    def glow(self, si, active):
+        """Radiance of bodies that shine by themselves; None without any."""
+        if not self.glowing:
+            return None
+        total = mi.Spectrum(0.0)
+        for shape, radiance in self.glowing:
+            total += dr.select(active & (si.shape == mi.ShapePtr(shape)), radiance.eval(si, active), 0.0)
+        return total
 
     def blocked(self, at, point, active):
         """Whether something stands between an interaction and a point."""

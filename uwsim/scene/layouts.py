@@ -5,7 +5,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from uwsim.scene.base import NonNegative, Positive
+from uwsim.optics import sources
+from uwsim.optics.spectrum import WAVELENGTHS_NM
+from uwsim.scene.base import NonNegative, Positive, Table
 from uwsim.scene.placed import Reflectance
 from uwsim.scene.surface import Generated, Part, generator, icosphere, merged, tube
 
@@ -22,6 +24,8 @@ class MarkerLayout(Generated):
     the middle of the base. `stereo_4`: two neighbouring corners of the square and both apices. `planar_4`: the square.
     `random_10`: ten points drawn by `seed` in the box of sides `box_m` about the origin, at least a sphere's diameter
     apart. Thin rods (`rod_m` in diameter, 0: none; dark) join the spheres to the origin.
+    Lit spheres have a `radiance_w_per_m2_sr` over 400-700 nm, the same in all directions, of the `spectrum` of a lamp
+    (a name or a table), on top of what they reflect.
 
     Source: the dissertation, chapter 5: ten points from +-500 x +-500 x 1000 mm, layouts with 25 to 500 mm spacing.
     Errata: two opposite corners of the base and both apices lie in a plane; the stereo layout takes neighbouring ones.
@@ -34,6 +38,8 @@ class MarkerLayout(Generated):
     rod_m: NonNegative = 0.0
     box_m: tuple[Positive, Positive, Positive] = (1.0, 1.0, 1.0)
     reflectance: Reflectance = 0.90
+    radiance_w_per_m2_sr: NonNegative = 0.0
+    spectrum: str | Table = "LED-B3"
     rod_reflectance: Reflectance = 0.03
     seed: Annotated[int, Field(ge=0)] | None = None
 
@@ -48,8 +54,21 @@ class MarkerLayout(Generated):
         if apart <= 2 * self.sphere_radius_m:
             raise ValueError(f"sphere_radius_m: got {self.sphere_radius_m:g} m, allowed: below half the distance of "
                              f"the nearest two points, {apart / 2:g} m")  # fmt: skip
-        _ = self.tone("reflectance"), self.tone("rod_reflectance")
+        _ = self.tone("reflectance"), self.tone("rod_reflectance"), self.glow
         return self
+
+    @property
+    def glow(self) -> dict[str, np.ndarray]:
+        """Spectral radiance (61,) of the parts that shine by themselves, by name. [W m^-2 sr^-1 nm^-1]"""
+        if isinstance(self.spectrum, str):
+            spectrum = sources.illuminant(self.spectrum)
+        else:
+            spectrum = self.spectrum.on_grid(where=f"body {self.name}: spectrum")
+            power = np.trapezoid(spectrum, WAVELENGTHS_NM)
+            if power <= 0:
+                raise ValueError(f"body {self.name}: the spectrum has no power within 400-700 nm")
+            spectrum = spectrum / power
+        return {} if self.radiance_w_per_m2_sr == 0 else {"spheres": self.radiance_w_per_m2_sr * spectrum}
 
     @property
     def points_m(self) -> np.ndarray:

@@ -12,26 +12,31 @@ from uwsim.camera import pose
 from uwsim.camera.lens import Lens
 from uwsim.camera.shutter import Shutter
 from uwsim.scene.base import Strict, Vector3
+from uwsim.scene.blur_motion import AnyMotion, BlurMotion
 from uwsim.scene.bodies import Body, CharucoBoard, MarkerBoard
-from uwsim.scene.camera import Camera, Motion, Trajectory
+from uwsim.scene.camera import Camera, Trajectory
 from uwsim.scene.daylight import Daylight
 from uwsim.scene.lamp import Lamp
 from uwsim.scene.plumes import AddedWater, merged
 from uwsim.scene.sensor import Exposure, Sensor
+from uwsim.scene.sight import first_range_m
 from uwsim.scene.water import NamedWater, TabulatedWater, TurbidWater
 
 LEAST_LAMP_DISTANCE_M = 1e-3
 
 
 class Rig(Strict):
-    """Camera and lamps mounted together and moved as one: at a position, in uniform `motion`, or on a `trajectory`."""
+    """Camera and lamps mounted together and moved as one: at a position, in uniform `motion`, or on a `trajectory`.
+
+    `motion` says how fast, or how long and in which direction the blur is; a validated scene holds the former.
+    """
 
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     roll_deg: float = 0.0
     camera: Camera
     lamps: tuple[Lamp, ...] = ()
-    motion: Motion | None = None
+    motion: AnyMotion | None = None
     trajectory: Trajectory | None = None
 
     @model_validator(mode="after")
@@ -71,7 +76,9 @@ class Rig(Strict):
         if self.trajectory is not None:
             return self.trajectory.at(times_s)
         still = pose.looking_at(self.position_m, self.look_at_m, roll_deg=self.roll_deg, where="look_at_m")
-        if self.motion is None:
+        if isinstance(self.motion, BlurMotion) and np.any(times_s):
+            raise ValueError("rig.motion: a blur says nothing of a rig alone, allowed: in a scene")
+        if self.motion is None or isinstance(self.motion, BlurMotion):
             return np.tile(still, (len(times_s), 1, 1))
         return pose.through_exposure(
             still, velocity_m_per_s=self.motion.velocity_m_per_s, rotation_deg_per_s=self.motion.rotation_deg_per_s,
@@ -116,6 +123,24 @@ class Scene(Strict):
             if height >= 0:
                 raise ValueError(f"lamp {lamp.name} is at z = {height:.3g} m, allowed: below the water surface (z < 0)")
         return self
+
+    @model_validator(mode="after")
+    def _in_motion(self):
+        """Replace a blur that was asked for by the motion that makes it."""
+        asked = self.rig.motion
+        if not isinstance(asked, BlurMotion):
+            return self
+        width_px, range_m = self.rig.camera.width_px, asked.range_m
+        if range_m is None:
+            origin, direction = self.lens.rays(np.array([width_px, self.rig.camera.height_px]) / 2)
+            world = self.rig.world_from_rig
+            range_m = first_range_m(
+                self.bodies, origin_m=pose.apply(world, origin), direction=world[:3, :3] @ direction
+            )
+            if range_m is None:
+                raise ValueError("rig.motion.range_m: missing, and the image's centre sees no body; give range_m")
+        motion = asked.motion(lens=self.lens, shutter=self.shutter, width_px=width_px, range_m=range_m)
+        return self.model_copy(update={"rig": self.rig.model_copy(update={"motion": motion})})
 
     @property
     def lens(self) -> Lens:

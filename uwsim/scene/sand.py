@@ -10,6 +10,7 @@ from uwsim.scene.base import NonNegative, Positive
 from uwsim.scene.placed import Reflectance
 from uwsim.scene.surface import Part, TwoTone, check_vertices, generator, grid_faces
 
+_DARK_GRAINS, _PALE_GRAINS = 0.03, 0.02  # shares
 _STEEP = 0.35  # how much nearer the crest is to the lee side, relative to a quarter of a wavelength
 
 
@@ -29,7 +30,7 @@ class Sand(TwoTone):
     ripple_height_m: NonNegative = 0.010
     ripple_azimuth_deg: float = 0.0
     mound_m: NonNegative = 0.01
-    grain_m: NonNegative = 0.0008
+    grain_m: NonNegative = 0.0004
     spacing_m: Positive = 0.004
     dark: Reflectance = "soil_wet"
     bright: Reflectance = "soil_dry"
@@ -75,4 +76,7 @@ class Sand(TwoTone):
         height = 0.5 * self.ripple_height_m * strength * wave + self.mound_m * mounds
         # troughs collect the darker, coarser grains
         share = 0.70 + 0.10 * strength * wave + 0.10 * mounds + 0.13 * grain
+        # grains of dark minerals, and pale ones of shell
+        kind = rng.uniform(size=len(flat))
+        share += np.where(kind < _DARK_GRAINS, -0.6, np.where(kind > 1 - _PALE_GRAINS, 0.4, 0.0))
         return height - height.mean() + self.grain_m * np.clip(grain, -2, 2) / 2, np.clip(share, 0, 1)

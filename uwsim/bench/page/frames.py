@@ -111,13 +111,14 @@ def layers_section(frame: Frame) -> str:
     return section("truth", "The truth behind the picture", paragraph(text), grid(layer_figures(frame)))
 
 
-def overview_section(dataset: Dataset) -> str:
-    """Return the frames as thumbnails, what the camera stored beside the water-free twin."""
+def overview_section(dataset: Dataset, gallery: str | None = None) -> str:
+    """Return the frames as thumbnails, what the camera stored beside the water-free twin; `gallery`: address of one."""
     names = spread(list(dataset.frame_names), THUMBNAILS)
     figures = [_thumbnail(dataset.frame(name)) for name in names]
     some = "" if len(names) == len(dataset) else f" {len(names)} of {len(dataset)} frames are shown."
     text = f"Left: what the camera stores, with sensor noise. Right: without water.{some}"
-    return section("frames", "The dataset at a glance", paragraph(text), grid(figures, "thumbs"))
+    link = f'<p><a href="{escape(gallery)}">Every layer of every frame: the gallery</a></p>' if gallery else ""
+    return section("frames", "The dataset at a glance", paragraph(text), link, grid(figures, "thumbs"))
 
 
 def _thumbnail(frame: Frame) -> str:
