@@ -149,6 +149,15 @@ def test_both_rules_must_hold():
     assert not Until(batches=9).holds(noise())
 
 
+def test_without_pixels_the_region_rule_alone_ends_a_render():
+    rule = Until(region=0.02, pixels=False)
+    assert rule.holds(noise(share=0.1))
+    assert not rule.holds(noise(region=0.021))
+    poor = noise(batches=8, region=0.04, ratio=50.0, share=0.0)
+    assert 32 <= rule.expected_batches(poor) < 45  # four times the samples halve the error
+    assert Until(region=0.02).expected_batches(poor) > 1000
+
+
 def test_time_to_go_follows_the_square_root_law():
     rule = Until(region=0.01)
     assert rule.expected_batches(None) == 8
@@ -200,6 +209,9 @@ def test_texts_of_the_command_line():
 
 
 def test_max_samples_are_whole_batches():
+    assert stopping.most_batches(96, 4) == 24
+    with pytest.raises(ValueError, match="a multiple of samples_per_batch = 4, at least 32"):
+        stopping.most_batches(28, 4)
     assert stopping.most_batches(160) == 10
     for samples in (100, 64, 0, -16):
         with pytest.raises(ValueError, match="max_samples"):

@@ -90,13 +90,15 @@ class Group(Strict):
 class NoiseRule(Strict):
     """Render every light picture until its Monte-Carlo noise is low enough, see `uwsim.render.stopping`.
 
-    region: relative error of region means. Single pixels must be good enough for the sensor too. A picture that is not
-    so far after `max_samples` per pixel ends there, and its frame says so. It has at least 8 batches.
+    region: relative error of region means. Single pixels must be good enough for the sensor too, unless `pixels` is
+    false: then that rule ends no render, and the frame says whether it holds. A picture that is not so far after
+    `max_samples` per pixel ends there, and its frame says so. It has at least 8 batches.
     """
 
     region: Annotated[float, Field(ge=1e-4, le=0.5)]
     max_samples: Annotated[int, Field(le=10_000_000)]
     samples_per_batch: Annotated[int, Field(ge=1, le=10_000)] = stopping.SAMPLES_PER_BATCH
+    pixels: bool = True
 
     @model_validator(mode="after")
     def _usable(self):
@@ -106,7 +108,9 @@ class NoiseRule(Strict):
     @property
     def until(self) -> stopping.Until:
         most = stopping.most_batches(self.max_samples, self.samples_per_batch)
-        return stopping.Until(region=self.region, batches=most, samples_per_batch=self.samples_per_batch)
+        return stopping.Until(
+            region=self.region, batches=most, samples_per_batch=self.samples_per_batch, pixels=self.pixels
+        )
 
 
 class Recipe(Strict):

@@ -48,14 +48,15 @@ class Noise:
 class Until:
     """What ends the render of a picture, whichever comes first.
 
-    batches: so many batches. region: both rules hold, the region rule at this value. time_s: the wall time of the
-    whole frame is up (at least 2 batches of each picture are rendered all the same).
+    batches: so many batches. region: both rules hold, the region rule at this value; without `pixels` that one alone.
+    time_s: the wall time of the whole frame is up (at least 2 batches of each picture are rendered all the same).
     Raises ValueError on impossible values, and if nothing ends the render.
     """
 
     samples_per_batch: int = SAMPLES_PER_BATCH
     batches: int | None = None
     region: float | None = None
+    pixels: bool = True
     time_s: float | None = None
 
     def __post_init__(self):
@@ -71,8 +72,10 @@ class Until:
             raise ValueError(f"time: got {self.time_s} s, allowed: above 0")
 
     def holds(self, noise: Noise) -> bool:
-        """Whether both rules hold; False where none is asked for."""
-        return self.region is not None and noise.region_rule_met(self.region) and noise.pixel_rule_met
+        """Whether the rules hold that are to end the render; False where none is asked for."""
+        if self.region is None or not noise.region_rule_met(self.region):
+            return False
+        return noise.pixel_rule_met or not self.pixels
 
     def expected_batches(self, noise: Noise | None) -> int | None:
         """Return the number of batches at which the render should end, None where only time ends it.
@@ -84,7 +87,7 @@ class Until:
         needed = LEAST_BATCHES
         if noise is not None and not self.holds(noise):
             factor = (noise.region_error_p95 / self.region) ** 2
-            if not noise.pixel_rule_met:
+            if self.pixels and not noise.pixel_rule_met:
                 factor = max(factor, (noise.pixel_ratio_p95 / PIXEL_RATIO) ** 2)
             needed = next_check(max(noise.batches + 1, int(np.ceil(min(noise.batches * factor, 1e9)))))
         return needed if self.batches is None else min(needed, self.batches)
