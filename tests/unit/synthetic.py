@@ -13,6 +13,7 @@ from uwsim.camera.sensor import expose
 from uwsim.dataset import store
 from uwsim.dataset.frame import write_frame
 from uwsim.dataset.info import FrameInfo
+from uwsim.optics.spectrum import WAVELENGTHS_NM
 
 WIDTH_PX, HEIGHT_PX = 128, 96
 K = np.array([[120.0, 0.0, 64.0], [0.0, 120.0, 48.0], [0.0, 0.0, 1.0]])
@@ -169,6 +170,8 @@ def _write(folder: Path, frame: int) -> None:
 
 def _info(frame: int, attenuation: np.ndarray, moving: bool) -> dict:
     pose = world_from_camera()
+    # the attenuations are those of red, green and blue
+    spectrum = np.interp(WAVELENGTHS_NM, (450, 550, 650), attenuation[::-1])
     bands = {
         "weighting": "synthetic", "absorption_per_m": tuple(0.7 * attenuation),
         "scattering_per_m": tuple(0.3 * attenuation), "attenuation_per_m": tuple(attenuation),
@@ -181,7 +184,7 @@ def _info(frame: int, attenuation: np.ndarray, moving: bool) -> dict:
         "frame": frame,
         "samples_per_pixel": 1, "batches": 1,
         "camera": {
-            "width_px": WIDTH_PX, "height_px": HEIGHT_PX, "K": K.tolist(), "response": "synthetic",
+            "width_px": WIDTH_PX, "height_px": HEIGHT_PX, "K": K.tolist(), "response": "Nikon 5100 (NPL)",
             "world_from_camera": pose.tolist(), "times_s": (0.0,),
             "world_from_camera_through_exposure": (pose.tolist(),),
         },
@@ -190,14 +193,13 @@ def _info(frame: int, attenuation: np.ndarray, moving: bool) -> dict:
             {
                 "name": "left", "position_m": tuple(pose[:3, 3] - [0.3, 0, 0]), "direction": (0.0, 1.0, 0.0),
                 "radiant_intensity_w_per_sr": 2.0, "spectrum": "white", "half_angle_deg": None,
-                "relative_spectrum_per_nm": (0.3, 0.4, 0.3), "beam_angles_deg": (0.0, 60.0), "beam_values": (1.0, 0.0),
+                "relative_spectrum_per_nm": (1 / 300,) * 61, "beam_angles_deg": (0.0, 60.0), "beam_values": (1.0, 0.0),
             },
         ),
         "water": {
-            "name": "synthetic", "wavelengths_nm": (450.0, 550.0, 650.0),
-            "absorption_per_m": tuple(0.7 * attenuation[::-1]),
-            "scattering_per_m": tuple(0.3 * attenuation[::-1]),
-            "phase_function": {"type": "isotropic"}, "bands": bands,
+            "name": "synthetic", "wavelengths_nm": tuple(WAVELENGTHS_NM),
+            "absorption_per_m": tuple(0.7 * spectrum), "scattering_per_m": tuple(0.3 * spectrum),
+            "phase_function": {"type": "hg_mixture", "g": (0.0,), "weights": ((1.0,) * 61,)}, "bands": bands,
         },
         "bodies": (
             {"name": "wall", "kind": "plane", "instance": 1, "world_from_body": np.eye(4).tolist()},

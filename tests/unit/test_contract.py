@@ -33,6 +33,27 @@ def picture():
     return (40 + 160 * smooth.clip(0, 1)).astype(np.uint8)
 
 
+def rig_known():
+    """Return what a method with the lamp's model is told of camera, lamp and water."""
+    spectrum = np.full(61, 1 / 61)
+    return {
+        "lens": Lens(K=np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]])), "width_px": WIDTH_PX,
+        "height_px": HEIGHT_PX, "response": "Nikon 5100 (NPL)", "linear_per_radiance": np.array([40.0, 50.0, 45.0]),
+        "lamps": [
+            {
+                "name": "lamp", "position_m": np.array([0.3, 0, 0]), "direction": np.array([0, 0, 1.0]),
+                "radiant_intensity_w_per_sr": 2.0, "relative_spectrum_per_nm": spectrum, "half_angle_deg": 50.0,
+            }
+        ],
+        "water": {
+            "name": "grey", "wavelengths_nm": np.arange(400.0, 701, 5), "absorption_per_m": np.full(61, 0.3),
+            "scattering_per_m": np.full(61, 0.3),
+            "phase_function": {"type": "hg_mixture", "g": [0.9], "weights": np.ones((1, 61))},
+        },
+        "noise": {"electrons": np.full(3, 1e4), "dark_variance_e2": 16.0},
+    }  # fmt: skip
+
+
 def image_inputs():
     """Return everything that an image method may ask for in NEEDS."""
     z_depth_m = np.broadcast_to(np.linspace(0.8, 2.0, WIDTH_PX), (HEIGHT_PX, WIDTH_PX)).astype(np.float32)
@@ -57,8 +78,12 @@ def image_inputs():
             "K": np.array([[60.0, 0, 32], [0, 60.0, 24], [0, 0, 1]]), "width_px": WIDTH_PX,
             "height_px": HEIGHT_PX, "linear_per_radiance": np.array([40.0, 50.0, 45.0]),
         },
+        "rig": rig_known(),
         "backscatter": (0.02 * (1 - transmission)).astype(np.float32),
         "transmission": transmission.astype(np.float32),
+        "forward_scatter": (0.01 * transmission).astype(np.float32),
+        "direct_gain": transmission.astype(np.float32),
+        "noise_std": np.full((HEIGHT_PX, WIDTH_PX, 3), 0.01, np.float32),
         "sharp": linear_from_srgb_uint8(picture()),
     }  # fmt: skip
 

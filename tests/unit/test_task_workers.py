@@ -32,8 +32,14 @@ def tasks(folder: Path, count: int, **scene) -> list[Task]:
     drawn = [draw(recipe, frame, where="test") for frame in range(count)]
     return [
         Task(
-            folder=folder / f"{frame:06d}", group="one", seed=3, frame=frame, scene=one.scene, moment=one.moment,
-            until=recipe.until, options=recipe.options,
+            folder=folder / f"{frame:06d}",
+            group="one",
+            seed=3,
+            frame=frame,
+            scene=one.scene,
+            moment=one.moment,
+            until=recipe.until,
+            options=recipe.options,
         )  # fmt: skip
         for frame, one in enumerate(drawn)
     ]

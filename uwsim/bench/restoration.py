@@ -8,8 +8,16 @@ What NEEDS may list:
   camera                {"K", "width_px", "height_px", "linear_per_radiance": image units per radiance in the water,
                         (3,), or (H, W, 3) behind a port or where the lens vignettes}; K is that of a pinhole in the
                         water, behind a port that of the effective focal length (see `bench.task`)
+  rig                   what a robot knows of itself and of its water, for the formation models, in the camera's frame:
+                        {"lens": Lens, "width_px", "height_px", "response": name, "linear_per_radiance" as above,
+                        "lamps": list as in frame.json, "water": as in frame.json (spectra, phase function), "noise":
+                        {"electrons": photo-electrons that make 1 (3,), "dark_variance_e2"}}
   backscatter           (H, W, 3) in the linear units of the image, without noise
   transmission          (H, W, 3), 0 where no body is seen
+  forward_scatter       (H, W, 3) as backscatter
+  direct_gain           (H, W, 3), what the water leaves of the light straight from a body: direct / water_free, both
+                        averaged over 15 px; unlike transmission it counts scattered illumination
+  noise_std             (H, W, 3), standard deviation of the image in its linear units: sensor, 8 bits, Monte Carlo
 """
 
 from functools import partial
@@ -20,17 +28,24 @@ import numpy as np
 from uwsim.bench import runner
 from uwsim.bench.task import Case, Task, camera_notes, lens_of, linear_buffer, pinhole_K, sensor_keywords
 from uwsim.camera.lens import pixel_centres
-from uwsim.camera.sensor import Constants, expose_without_noise
+from uwsim.camera.sensor import Constants, expose_without_noise, linear_from_radiance, noise_std_radiance
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
+from uwsim.images import linear_from_srgb_uint8
 from uwsim.metrics import image as image_metrics
 from uwsim.metrics import uciqe, uiqm
 from uwsim.restoration import algorithms
+
+SMOOTH_PX = 15  # against the noise of the truth's own rendering
 
 STATISTICS = {
     "psnr": "median", "mse": "median", "ssim": "median", "uciqe_o": "median", "uiqm_f": "median",
     "uiqm_m": "median", "milliseconds": "median",
 }  # fmt: skip
+
+
+_WATER_KNOWN = ("name", "wavelengths_nm", "absorption_per_m", "scattering_per_m", "phase_function")
+_LAMP_POSES = ("world_from_lamp", "world_from_leds")
 
 
 def case_names(dataset: Dataset) -> list[str]:
@@ -58,8 +73,12 @@ def makers(frame: Frame) -> runner.Makers:
         "water": partial(_water, frame),
         "lamps": partial(_lamps, frame),
         "camera": partial(_camera, frame),
+        "rig": partial(_rig, frame),
         "backscatter": partial(linear_buffer, frame, "backscatter"),
         "transmission": partial(frame.buffer, "transmission"),
+        "forward_scatter": partial(linear_buffer, frame, "forward_scatter"),
+        "direct_gain": partial(_direct_gain, frame),
+        "noise_std": partial(_noise_std, frame),
     }
 
 
@@ -113,22 +132,82 @@ def _lamps(frame: Frame) -> list[dict]:
 
 
 def _camera(frame: Frame) -> dict:
+    camera = frame.info.camera
+    return {
+        "K": pinhole_K(lens_of(frame)), "width_px": camera.width_px, "height_px": camera.height_px,
+        "linear_per_radiance": _linear_per_radiance(frame),
+    }  # fmt: skip
+
+
+def _linear_per_radiance(frame: Frame) -> np.ndarray:
     camera, lens = frame.info.camera, lens_of(frame)
     linear = Constants(**sensor_keywords(frame)).linear_per_radiance
-    if lens.port is not None:
-        centres = pixel_centres(width_px=camera.width_px, height_px=camera.height_px)
-        # pixels that no ray through the port reaches are black
-        linear = linear * np.nan_to_num(lens.radiance_factor(centres))[..., None]
+    if lens.port is None:
+        return linear
+    centres = pixel_centres(width_px=camera.width_px, height_px=camera.height_px)
+    # pixels that no ray through the port reaches are black
+    return linear * np.nan_to_num(lens.radiance_factor(centres))[..., None]
+
+
+def _rig(frame: Frame) -> dict:
+    info, sensor = frame.info, Constants(**sensor_keywords(frame))
     return {
-        "K": pinhole_K(lens), "width_px": camera.width_px, "height_px": camera.height_px, "linear_per_radiance": linear
+        "lens": lens_of(frame), "width_px": info.camera.width_px, "height_px": info.camera.height_px,
+        "response": info.camera.response, "linear_per_radiance": _linear_per_radiance(frame),
+        "lamps": [_in_camera_frame(lamp.model_dump(), np.linalg.inv(frame.world_from_camera)) for lamp in info.lamps],
+        "water": info.water.model_dump(include=set(_WATER_KNOWN)),
+        "noise": {
+            "electrons": sensor.white_e / np.asarray(sensor.white_balance),
+            "dark_variance_e2": sensor.dark_variance_e2,
+        },
     }  # fmt: skip
+
+
+def _in_camera_frame(lamp: dict, camera_from_world: np.ndarray) -> dict:
+    """Return a lamp of frame.json with the camera's frame as its world: a method is not told where the camera is."""
+    turn, shift = camera_from_world[:3, :3], camera_from_world[:3, 3]
+    moved = {key: camera_from_world @ np.array(lamp[key]) for key in _LAMP_POSES if lamp.get(key) is not None}
+    place = {"position_m": turn @ np.array(lamp["position_m"]) + shift, "direction": turn @ np.array(lamp["direction"])}
+    return {**lamp, **moved, **place}
+
+
+def _direct_gain(frame: Frame) -> np.ndarray:
+    direct, water_free = (_smooth(frame.buffer(name)) for name in ("direct", "water_free"))
+    return np.divide(direct, water_free, out=np.zeros_like(direct), where=water_free > 0)
+
+
+def _noise_std(frame: Frame) -> np.ndarray:
+    sensor = sensor_keywords(frame)
+    by_sensor = linear_from_radiance(noise_std_radiance(frame.buffer("radiance"), **sensor), **sensor)
+    # estimated from a few batches, and larger where a pixel happens to be bright
+    by_rendering = _smooth(np.square(linear_buffer(frame, "standard_error")))
+    level = np.gradient(linear_from_srgb_uint8(np.arange(256, dtype=np.uint8)))
+    return np.sqrt(np.square(by_sensor) + by_rendering + np.square(level[frame.image]) / 12)
+
+
+def _smooth(image: np.ndarray) -> np.ndarray:
+    import cv2
+
+    return cv2.blur(image, (SMOOTH_PX, SMOOTH_PX), borderType=cv2.BORDER_REFLECT)
 
 
 TASK = Task(
     name="restoration",
     package=algorithms,
     function="restore",
-    inputs=("range_m", "z_depth_m", "water", "lamps", "camera", "backscatter", "transmission"),
+    inputs=(
+        "range_m",
+        "z_depth_m",
+        "water",
+        "lamps",
+        "camera",
+        "rig",
+        "backscatter",
+        "transmission",
+        "forward_scatter",
+        "direct_gain",
+        "noise_std",
+    ),  # fmt: skip
     statistics=STATISTICS,
     case_names=case_names,
     case=case,

@@ -66,16 +66,25 @@ def layers(
 def _corrected(view: View, rule: Spread, *, spectral: bool, forward_scatter: bool) -> dict[str, np.ndarray]:
     surface = Surface(rule, scattered=forward_scatter)
     direct = surface.reflected("unscattered", "unscattered")
-    back = np.sum([airlight.single(view, lamp, spectral=spectral) for lamp in view.lamps], axis=0)
     if not forward_scatter:
+        back = _single(view, spectral=spectral)
         return {"direct": direct, "forward_scatter": np.zeros_like(direct), "backscatter": back}
     direct = direct + surface.reflected("scattered", "unscattered")
     forward = surface.reflected("unscattered", "scattered") + surface.reflected("scattered", "scattered")
     return {
         "direct": direct,
         "forward_scatter": rule.blur(forward),
-        "backscatter": back + _scattered_back(view, rule),
+        "backscatter": backscatter(view, rule, spectral=spectral),
     }
+
+
+def backscatter(view: View, rule: Spread, *, spectral: bool = True) -> np.ndarray:
+    """Return the backscatter in the water of `layers` (corrected, before `view.factor`), (H, W, 3) float32."""
+    return _single(view, spectral=spectral) + _scattered_back(view, rule)
+
+
+def _single(view: View, *, spectral: bool) -> np.ndarray:
+    return np.sum([airlight.single(view, lamp, spectral=spectral) for lamp in view.lamps], axis=0)
 
 
 def _scattered_back(view: View, rule: Spread) -> np.ndarray:

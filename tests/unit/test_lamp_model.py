@@ -1,0 +1,151 @@
+"""The lamp-aware method on pictures made by the model that it uses, and what it believes of noise."""
+
+import numpy as np
+import pytest
+
+from uwsim.camera.lens import Lens
+from uwsim.restoration import noise_aware
+from uwsim.restoration.algorithms import lamp_model
+from uwsim.restoration.lamp_view import lamp_light
+
+WIDTH_PX, HEIGHT_PX = 64, 48
+
+
+def rig(absorption_per_m=0.3, scattering_per_m=0.5, electrons=1e12, radiance=20.0, offset_m=0.2):
+    return {
+        "lens": Lens(K=np.array([[60.0, 0, 32], [0, 60, 24], [0, 0, 1]])), "width_px": WIDTH_PX,
+        "height_px": HEIGHT_PX, "response": "Nikon 5100 (NPL)", "linear_per_radiance": np.full(3, radiance),
+        "lamps": [
+            {
+                "name": "lamp", "position_m": np.array([offset_m, 0, 0]), "direction": np.array([0, 0, 1.0]),
+                "radiant_intensity_w_per_sr": 2.0, "relative_spectrum_per_nm": np.full(61, 1 / 61),
+                "half_angle_deg": 50.0,
+            }
+        ],
+        "water": {
+            "name": "grey", "wavelengths_nm": np.arange(400.0, 701, 5),
+            "absorption_per_m": np.full(61, absorption_per_m), "scattering_per_m": np.full(61, scattering_per_m),
+            "phase_function": {"type": "hg_mixture", "g": [0.9], "weights": np.ones((1, 61))},
+        },
+        "noise": {"electrons": np.full(3, electrons), "dark_variance_e2": 16.0},
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Return (reflectance, range, light, picture) of coarse squares on a slanted wall."""
+    squares = np.random.default_rng(0).uniform(0.1, 0.9, (6, 8, 3)).repeat(8, axis=0).repeat(8, axis=1)
+    range_m = np.broadcast_to(np.linspace(0.8, 1.4, WIDTH_PX, dtype=np.float32), (HEIGHT_PX, WIDTH_PX)).copy()
+    range_m[:4] = np.inf
+    squares[:4] = 0
+    light = lamp_light(range_m, rig())
+    picture = light.backscatter + squares * light.direct + light.spread.blur(squares * light.scattered)
+    return squares, range_m, light, picture.astype(np.float32)
+
+
+def test_turns_its_own_model_around(scene):
+    """With enough corrections and no noise the reflectance comes back (model: corrections are not endless)."""
+    squares, range_m, light, picture = scene
+    restored = lamp_model.restore(picture, range_m=range_m, rig=rig(), corrections=60)
+    expected = np.clip(squares * light.water_free, 0, 1)
+    assert np.abs(restored - expected).max() < 0.04 * expected.max()
+    assert np.all(restored[:4] == 0)
+
+
+def test_each_correction_gives_detail_back(scene):
+    squares, range_m, light, picture = scene
+    signal = picture - light.backscatter
+    errors = [np.abs(lamp_model.reflected(signal, light, count)[0] - squares)[4:].mean() for count in (0, 1, 3, 10)]
+    assert errors[0] > 1.5 * errors[1] > 1.5 * errors[3] > 0
+
+
+@pytest.mark.parametrize("wrong", ["absorption_per_m", "scattering_per_m", "offset_m"])
+def test_control_another_rig_is_seen(scene, wrong):
+    squares, range_m, light, picture = scene
+    changed = {"absorption_per_m": 0.5, "scattering_per_m": 0.8, "offset_m": 0.05}[wrong]
+    restored = lamp_model.restore(picture, range_m=range_m, rig=rig(**{wrong: changed}), corrections=60)
+    expected = np.clip(squares * light.water_free, 0, 1)
+    assert np.abs(restored - expected).max() > 0.1 * expected.max()
+
+
+def test_clear_water_is_nothing_to_take_out():
+    range_m = np.full((HEIGHT_PX, WIDTH_PX), 1.0, np.float32)
+    nothing = rig(absorption_per_m=0.0, scattering_per_m=0.0)
+    light = lamp_light(range_m, nothing)
+    assert np.all(light.backscatter == 0)
+    assert np.all(light.scattered == 0)
+    np.testing.assert_allclose(light.direct, light.water_free, rtol=1e-4)
+
+
+def test_light_falls_with_water_and_distance():
+    near, far = (lamp_light(np.full((HEIGHT_PX, WIDTH_PX), d, np.float32), rig(offset_m=1e-3)) for d in (1.0, 2.0))
+    ratio = far.water_free[24, 32] / near.water_free[24, 32]
+    np.testing.assert_allclose(ratio, 0.25, rtol=0.01)
+    # unscattered both ways, and what was scattered on its way there (less than c, more than a)
+    lost = -np.log(far.direct[24, 32] / near.direct[24, 32] / ratio)
+    assert np.all((lost > 2 * 0.3) & (lost < 2 * 0.8))
+
+
+@pytest.mark.parametrize("fault", ["size", "zero", "lamp", "corrections"])
+def test_refuses_what_does_not_fit(fault, scene):
+    _, range_m, _, picture = scene
+    given = {"range_m": range_m, "rig": rig()}
+    if fault == "size":
+        given["range_m"] = range_m[1:]
+    elif fault == "zero":
+        given["range_m"] = np.zeros_like(range_m)
+    elif fault == "lamp":
+        given["rig"]["lamps"] = []
+    else:
+        given["corrections"] = -1
+    with pytest.raises(ValueError, match="allowed"):
+        lamp_model.restore(picture, **given)
+
+
+class TestNoise:
+    def squares(self):
+        return np.random.default_rng(1).uniform(0.2, 0.8, (6, 8)).repeat(20, axis=0).repeat(20, axis=1)
+
+    def test_without_noise_values_come_back(self):
+        values = self.squares()
+        np.testing.assert_allclose(noise_aware.believed(values, np.full(values.shape, 1e-14)), values, atol=1e-5)
+
+    def test_noise_alone_is_averaged_out(self):
+        values = 0.5 + 0.1 * np.random.default_rng(2).standard_normal((120, 160))
+        found = noise_aware.believed(values, np.full(values.shape, 0.01))
+        assert np.abs(found - 0.5).mean() < 0.01
+        # control: called certain, it stays
+        assert np.abs(noise_aware.believed(values, np.full(values.shape, 1e-8)) - 0.5).mean() > 0.07
+
+    def test_what_is_there_is_kept_of_a_noisy_picture(self):
+        truth = self.squares()
+        values = truth + 0.1 * np.random.default_rng(3).standard_normal(truth.shape)
+        found = noise_aware.believed(values, np.full(truth.shape, 0.01))
+        assert np.square(found - truth).mean() < 0.3 * np.square(values - truth).mean()
+
+    def test_pixels_that_say_nothing_do_not_count(self):
+        values, variance = np.full((40, 50), 0.5), np.full((40, 50), 1e-6)
+        values[10:20], variance[10:20] = 9.0, np.inf
+        np.testing.assert_allclose(noise_aware.believed(values, variance), 0.5, atol=1e-5)
+
+    def test_excess_of_white_noise_beside_edges(self):
+        noise = 0.03 * np.random.default_rng(4).standard_normal((120, 160))
+        found = noise_aware.noise_excess(self.squares() + noise, np.full(noise.shape, 1e-4))
+        # Monte Carlo: tiles of about 2000 pixels
+        np.testing.assert_allclose(found, 3.0, rtol=0.15)
+
+    def test_shot_noise_in_closed_form(self):
+        """Linear 0.25: 250 electrons and 16 of dark noise in 1000, and a rounding of 1/255 on the sRGB curve there."""
+        found = lamp_model.noise_variance(
+            np.full((2, 2, 3), 0.25), {"electrons": np.full(3, 1e3), "dark_variance_e2": 16.0}
+        )
+        from uwsim.images import srgb_encode
+
+        slope = 2e-4 / (srgb_encode(np.array(0.2501)) - srgb_encode(np.array(0.2499)))
+        assert found[0, 0, 0] == pytest.approx(266 / 1e6 + (slope / 255) ** 2 / 12, rel=1e-4)
+
+    def test_refuses_what_is_no_noise(self):
+        with pytest.raises(ValueError, match="variance"):
+            noise_aware.believed(np.zeros((4, 4)), np.zeros((4, 4)))
+        with pytest.raises(ValueError, match="finite"):
+            noise_aware.believed(np.full((4, 4), np.nan), np.ones((4, 4)))

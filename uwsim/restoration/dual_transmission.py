@@ -1,0 +1,264 @@
+"""Restoration with two maps of the transmission: a bound from the range of radiances, and local contrast.
+
+I = J t + A (1 - t), solved for the object J on the 8-bit sRGB values as in the literature. As that holds in linear
+light, t is a weight of the restoration rather than a physical transmission.
+
+Source: the dissertation, chapter 3, eqs 3.1-3.14; each step has its own source and errata at its function.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uwsim.restoration import ambient_light, colour_constancy, guided_filter
+from uwsim.restoration.dark_channel import local_minimum
+from uwsim.restoration.levels import LUMA
+
+# t varies slowly: it is found on a copy with a shorter side of at most this, in windows of that copy
+WORKING_SIDE_PX = 240
+WINDOW_PX = 7
+REFINEMENT = {"radius_px": 20, "epsilon": 1e-3, "subsample": 2}
+# possible radiances, of white (Meng et al., 20 and 300 of 255)
+DARKEST, BRIGHTEST = 20 / 255, 300 / 255
+GAINS = (0.3, 3.0)
+# a channel whose mean is below this share of the brightest channel's holds noise rather than a picture
+EMPTY_SHARE = 0.15
+CLAHE_TILES = (8, 8)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Which steps are taken, and their numbers; the defaults are the method.
+
+    colour      channels scaled by the ambient light of the dark channel, then Shades of Gray as ambient light;
+                without: nothing scaled, the ambient light is that of the dark channel
+    boundary, contrast  the two maps of the transmission; at least one of them
+    exponent    of their fusion, (0, 1]
+    refine      guided filter of the transmission
+    floor       t0, the least transmission to divide by, (0, 1]
+    clip_limit  of CLAHE on the lightness; 0: no CLAHE
+    monochrome  channels that the water has emptied are left out, and shown as the mean of the others
+    norm        p of Shades of Gray, >= 1
+
+    The printed chapter leaves exponent, clip limit and p open; these were chosen on rendered frames, by PSNR.
+    Raises ValueError on other values.
+    """
+
+    colour: bool = True
+    boundary: bool = True
+    contrast: bool = True
+    exponent: float = 0.3
+    refine: bool = True
+    floor: float = 0.1
+    clip_limit: float = 0.5
+    monochrome: bool = True
+    norm: float = 3.0
+
+    def __post_init__(self):
+        for name in ("colour", "boundary", "contrast", "refine", "monochrome"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"dual transmission: {name} = {getattr(self, name)!r}, allowed: true or false")
+        if not (self.boundary or self.contrast):
+            raise ValueError("dual transmission: boundary and contrast are both off, allowed: at least one on")
+        for name in ("exponent", "floor"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ValueError(f"dual transmission: {name} = {getattr(self, name)}, allowed: above 0, at most 1")
+        if not 0 <= self.clip_limit < np.inf:
+            raise ValueError(f"dual transmission: clip_limit = {self.clip_limit}, allowed: 0 or more")
+
+
+def restored(image: np.ndarray, steps: Steps) -> np.ndarray:
+    """Return the restored picture (H, W, 3) uint8 of an sRGB picture (H, W, 3) uint8; ValueError on anything else."""
+    import cv2
+
+    check_picture(image)
+    small = working_copy(image)
+    held = held_channels(small) if steps.monochrome else (0, 1, 2)
+    gains, ambient = light(small, held, colour=steps.colour, norm=steps.norm)
+    corrected = {channel: _scaled(small[channel], gains[channel]) for channel in held}
+    coarse = fused(corrected, ambient, steps)
+
+    levels = np.arange(256, dtype=np.float32) / 255
+    planes = {channel: cv2.LUT(cv2.extractChannel(image, channel), _scaled(levels, gains[channel])) for channel in held}
+    transmission = enlarged(coarse, corrected, planes, refine=steps.refine)
+    # below t0 it would lift noise alone, and above 1 it would be no restoration
+    transmission = np.clip(transmission, np.float32(steps.floor), np.float32(1), out=transmission)
+    result = joined({channel: _solved(plane, transmission, ambient[channel]) for channel, plane in planes.items()})
+    return equalised(result, steps.clip_limit) if steps.clip_limit > 0 else result
+
+
+def check_picture(image: np.ndarray) -> None:
+    """Raise ValueError unless the image is (H, W, 3) uint8 with pixels."""
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+        raise ValueError(f"dual transmission: image {image.dtype} {image.shape}, allowed: uint8 (H, W, 3)")
+
+
+def working_copy(image: np.ndarray) -> list[np.ndarray]:
+    """Return the channels (h, w) float32 in [0, 1] of a picture (H, W, 3) uint8, shrunk to the working size."""
+    import cv2
+
+    height, width = image.shape[:2]
+    factor = max(1.0, min(height, width) / WORKING_SIDE_PX)
+    if factor > 1:
+        size = (max(1, round(width / factor)), max(1, round(height / factor)))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return [cv2.extractChannel(image, channel).astype(np.float32) / 255 for channel in range(3)]
+
+
+def held_channels(planes: list[np.ndarray]) -> tuple[int, ...]:
+    """Return the channels in which the water has left a picture: mean at least EMPTY_SHARE of the brightest one's.
+
+    Of a black picture: all.
+    """
+    means = np.array([plane.mean() for plane in planes])
+    return tuple(np.flatnonzero(means >= EMPTY_SHARE * means.max()).tolist())
+
+
+def light(
+    planes: list[np.ndarray], held: tuple[int, ...], *, colour: bool, norm: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the gains and the ambient light (3,) of a picture's channels (H, W) in [0, 1]; not held: 0.
+
+    Source: the dissertation, eqs 3.9-3.11 and the text after them; Shades of Gray: `colour_constancy`.
+    Errata: eq. 3.9 averages the maximum over the channels, so that S_c = 1 in eq. 3.10: here channel by channel.
+    Eq. 3.10 has no bound where a channel is dark: here `GAINS`. Eq. 3.11 calls the corrected picture A: here I'.
+    Neither p nor the A of eq. 3.12 is stated: here A is the light of I'. Its level lies within the picture's range, so
+    that the restoration stretches about a mean.
+    """
+    import cv2
+
+    least = planes[held[0]]
+    for channel in held[1:]:
+        least = cv2.min(least, planes[channel])
+    gains, ambient, taken = np.zeros(3), np.zeros(3), list(held)
+    image = cv2.merge(planes)
+    veil = ambient_light.from_dark_channel(image, local_minimum(least, side_px=WINDOW_PX))[taken]
+    if not colour:
+        gains[taken], ambient[taken] = 1, veil
+        return gains, ambient
+    gains[taken] = colour_constancy.gains(veil, least=GAINS[0], largest=GAINS[1])
+    corrected = cv2.merge([_scaled(plane, gain) for plane, gain in zip(planes, gains, strict=True)])
+    ambient[taken] = colour_constancy.light(corrected, norm=norm)[taken]
+    return gains, ambient
+
+
+def _scaled(plane: np.ndarray, gain: float) -> np.ndarray:
+    return np.minimum(plane * np.float32(gain), np.float32(1))
+
+
+def fused(planes: dict[int, np.ndarray], ambient: np.ndarray, steps: Steps) -> np.ndarray:
+    """Return the transmission (H, W) float32 of a picture's planes {channel: (H, W) in [0, 1]}, not refined.
+
+    t = max(bound, contrast)^exponent.
+    Source: the dissertation, eq. 3.8.
+    Errata: printed as the maximum times gamma_1 < 1, which undoes the bound that eq. 3.1 demands; "gamma fusion", a
+    power, keeps it, and is what the text describes.
+    """
+    import cv2
+
+    maps = []
+    if steps.boundary:
+        maps.append(bound(planes, ambient))
+    if steps.contrast:
+        maps.append(local_contrast(grey(planes)))
+    largest = maps[0] if len(maps) == 1 else cv2.max(*maps)
+    return cv2.pow(largest, steps.exponent)
+
+
+def bound(planes: dict[int, np.ndarray], ambient: np.ndarray) -> np.ndarray:
+    """Return the least transmission (H, W) in [0, 1] with which all radiances stay possible, constant in patches.
+
+    Source: Meng, Wang, Duan, Xiang, Pan, "Efficient image dehazing with boundary constraint and contextual
+    regularization", ICCV 2013, eqs 7 and 9; the dissertation, eqs 3.1-3.5.
+    Errata: eq. 3.2 of the dissertation repeats 3.3 in place of the bound, and has one bound per channel: by Meng one
+    t, the largest over the channels. Where the ambient light is darker than C0 the bound changes sign: C0 is then
+    half the ambient light.
+    """
+    import cv2
+
+    lowest = None
+    for channel, plane in planes.items():
+        level = max(float(ambient[channel]), 1 / 255)
+        darkest = min(DARKEST, level / 2)
+        below = cv2.addWeighted(plane, -1 / (level - darkest), plane, 0, level / (level - darkest))
+        above = cv2.addWeighted(plane, 1 / (BRIGHTEST - level), plane, 0, -level / (BRIGHTEST - level))
+        here = cv2.max(below, above)
+        lowest = here if lowest is None else cv2.max(lowest, here)
+    window = np.ones((WINDOW_PX, WINDOW_PX), np.uint8)
+    return cv2.morphologyEx(np.minimum(lowest, np.float32(1)), cv2.MORPH_CLOSE, window)
+
+
+def local_contrast(image: np.ndarray) -> np.ndarray:
+    """Return the Michelson contrast (H, W) in [0, 1] of the window around each pixel of a grey picture (H, W).
+
+    Source: the dissertation, eq. 3.7. Errata: the text speaks of the red channel, which turbid water empties; the
+    formula of the grey one. 0 where the window is black.
+    """
+    import cv2
+
+    window = np.ones((WINDOW_PX, WINDOW_PX), np.uint8)
+    largest, smallest = cv2.dilate(image, window), cv2.erode(image, window)
+    return (largest - smallest) / np.maximum(largest + smallest, np.float32(1 / 255))
+
+
+def grey(planes: dict[int, np.ndarray]) -> np.ndarray:
+    """Return the weighted mean (H, W) of a picture's planes, by the weights of the luma, of the channels there are."""
+    import cv2
+
+    weights = LUMA[list(planes)].astype(float)
+    share = weights / weights.sum()
+    total = None
+    for weight, plane in zip(share, planes.values(), strict=True):
+        total = plane * np.float32(weight) if total is None else cv2.scaleAdd(plane, weight, total)
+    return total
+
+
+def enlarged(coarse, corrected, planes, *, refine: bool) -> np.ndarray:
+    """Return the transmission (H, W) float32 at the size of `planes`, its edges on theirs if `refine`.
+
+    Source: He and Sun, fast guided filter, 2015 (`guided_filter`). Errata: chapter 3 has no refinement, the conclusion
+    of chapter 6 names guided filtering.
+    """
+    import cv2
+
+    if not refine:
+        height, width = next(iter(planes.values())).shape
+        return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
+    return guided_filter.guided_enlarged(grey(planes), grey(corrected), coarse, **REFINEMENT)
+
+
+def _solved(plane: np.ndarray, transmission: np.ndarray, ambient: float) -> np.ndarray:
+    """Return J = (I - A) / t + A of one channel, (H, W) uint8.
+
+    Source: the dissertation, eq. 3.12, with the floor t0 of He et al. 2011.
+    Errata: eq. 3.13 divides I - A + A t by the floor, which turns pixels black below t0: here they go towards A.
+    """
+    import cv2
+
+    # sums with a number by addWeighted: cv2.add takes small arrays for numbers
+    ratio = cv2.divide(cv2.addWeighted(plane, 1, plane, 0, -ambient), transmission, scale=255)
+    return cv2.addWeighted(ratio, 1, ratio, 0, 255 * ambient, dtype=cv2.CV_8U)
+
+
+def joined(planes: dict[int, np.ndarray]) -> np.ndarray:
+    """Return the picture (H, W, 3) uint8 of its planes; a missing one is the mean of the others: grey stays grey."""
+    import cv2
+
+    if len(planes) < 3:
+        given = list(planes.values())
+        rest = given[0] if len(given) == 1 else cv2.addWeighted(given[0], 0.5, given[1], 0.5, 0)
+        planes = {channel: planes.get(channel, rest) for channel in range(3)}
+    return cv2.merge([planes[channel] for channel in range(3)])
+
+
+def equalised(image: np.ndarray, clip_limit: float) -> np.ndarray:
+    """Return the picture (H, W, 3) uint8 sRGB with the L of CIELab equalised in tiles, contrast limited.
+
+    Source: Zuiderveld, Graphics Gems IV, 1994; the dissertation, eq. 3.14, states neither colour space nor numbers.
+    """
+    import cv2
+
+    lab = cv2.cvtColor(image, cv2.COLOR_RGB2Lab)
+    equaliser = cv2.createCLAHE(clipLimit=clip_limit, tileGridSize=CLAHE_TILES)
+    cv2.insertChannel(equaliser.apply(cv2.extractChannel(lab, 0)), lab, 0)
+    return cv2.cvtColor(lab, cv2.COLOR_Lab2RGB)
