@@ -110,7 +110,7 @@ SCENES = [
     scene("fraction of a pixel", "width_px = 32", "width_px = 32.5", "rig.camera.width_px", "32.5"),
     scene("not text", "description", "\x00description", "TOML"),
     call("scene missing", ("render", "nothing.toml", "--out", "out"), "nothing.toml", "tank_usaf"),
-    call("scene unknown name", ("render", "tank", "--out", "out"), "'tank'", "tank_usaf"),
+    call("scene unknown name", ("render", "aquarium", "--out", "out"), "'aquarium'", "tank_usaf"),
     call("scene is a folder", ("render", "data", "--out", "out"), "'data'", "no such TOML file"),
     call("scene is binary", ("render", "scene.toml", "--out", "out"), "scene.toml",
          prepare=lambda folder: put(folder, "scene.toml", b"\xff\xfe\x00")),
