@@ -125,7 +125,7 @@ def test_quick_takes_cases_from_the_whole_dataset(dataset):
 def test_names_choose_and_paths_add():
     definition = read_definition("restoration")[1]
     chosen = select(restoration.TASK, definition, ["clahe", "x/mine.py"])
-    assert chosen == ["none", "clahe", "oracle_inverse", "x/mine.py"]
+    assert chosen == ["none", "clahe", "oracle_wiener", "x/mine.py"]
     with pytest.raises(ValueError, match="'nothing', allowed: .*clahe"):
         select(restoration.TASK, definition, ["nothing"])
     with pytest.raises(ValueError, match="'clahe' takes part already"):
