@@ -184,7 +184,7 @@ class TestDarkChannel:
         """t = 1 - 0.95 (1 - 0.5) where an object is black, 0.05 where all is haze (tolerance: 8-bit levels)."""
         _, image = hazy()
         colours = unit(image)
-        ambient = dark_channel.ambient_light(colours, dark_channel.dark_channel(colours))
+        ambient = dark_channel.haze_light(colours, dark_channel.dark_channel(colours))
         np.testing.assert_allclose(ambient, [0.7, 0.8, 0.9], atol=0.004)
         transmission = dark_channel.haze_transmission(colours, ambient)
         assert np.median(transmission[40:]) == pytest.approx(1 - 0.95 * 0.5, abs=0.01)

@@ -6,12 +6,11 @@ transmission refined by the guided filter: He, Sun, Tang, IEEE Trans. PAMI 35(6)
 
 import numpy as np
 
-from uwsim.restoration import guided_filter
+from uwsim.restoration import ambient_light, guided_filter
 from uwsim.restoration.levels import luma
 
 SIDE_PX = 15
 HAZE_KEPT = 0.95
-AMBIENT_SHARE = 1e-3
 SMALLEST_TRANSMISSION = 0.1
 REFINED_RADIUS_PX = 60
 REFINED_EPSILON = 1e-3
@@ -33,20 +32,13 @@ def local_minimum(values: np.ndarray, *, side_px: int = SIDE_PX) -> np.ndarray:
     return cv2.erode(np.ascontiguousarray(values), np.ones((side_px, side_px), np.uint8))
 
 
-def ambient_light(image: np.ndarray, dark: np.ndarray, *, share: float = AMBIENT_SHARE) -> np.ndarray:
-    """Return the light of the haze (3,): the brightest pixel among the `share` with the largest `dark`, at least one.
+def haze_light(image: np.ndarray, dark: np.ndarray) -> np.ndarray:
+    """Return the light of the haze (3,): the brightest pixel among those with the largest `dark` (`ambient_light`).
 
     Channels are at least 1/255.
     """
-    pixels = image.reshape(-1, 3)[haziest(dark, share)]
+    pixels = image[ambient_light.brightest(dark, image)]
     return np.maximum(pixels[np.argmax(pixels.sum(axis=1))], _LEAST_AMBIENT)
-
-
-def haziest(dark: np.ndarray, share: float) -> np.ndarray:
-    """Return the numbers (n,) of the pixels with the largest `dark`, in order of their place; at least one."""
-    count = max(1, int(share * dark.size))
-    # stable: among equals the first in the picture, on any machine
-    return np.sort(np.argsort(-dark.ravel(), kind="stable")[:count])
 
 
 def haze_transmission(image: np.ndarray, ambient: np.ndarray, *, side_px: int = SIDE_PX) -> np.ndarray:

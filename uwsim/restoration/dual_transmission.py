@@ -12,7 +12,7 @@ import numpy as np
 
 from uwsim.restoration import ambient_light, colour_constancy, guided_filter
 from uwsim.restoration.dark_channel import local_minimum
-from uwsim.restoration.levels import LUMA
+from uwsim.restoration.levels import LUMA, check_picture, lightness_equalised
 
 # t varies slowly: it is found on a copy with a shorter side of at most this, in windows of that copy
 WORKING_SIDE_PX = 240
@@ -23,7 +23,6 @@ DARKEST, BRIGHTEST = 20 / 255, 300 / 255
 GAINS = (0.3, 3.0)
 # a channel whose mean is below this share of the brightest channel's holds noise rather than a picture
 EMPTY_SHARE = 0.15
-CLAHE_TILES = (8, 8)
 
 
 @dataclass(frozen=True)
@@ -84,13 +83,10 @@ def restored(image: np.ndarray, steps: Steps) -> np.ndarray:
     # below t0 it would lift noise alone, and above 1 it would be no restoration
     transmission = np.clip(transmission, np.float32(steps.floor), np.float32(1), out=transmission)
     result = joined({channel: _solved(plane, transmission, ambient[channel]) for channel, plane in planes.items()})
-    return equalised(result, steps.clip_limit) if steps.clip_limit > 0 else result
-
-
-def check_picture(image: np.ndarray) -> None:
-    """Raise ValueError unless the image is (H, W, 3) uint8 with pixels."""
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
-        raise ValueError(f"dual transmission: image {image.dtype} {image.shape}, allowed: uint8 (H, W, 3)")
+    if steps.clip_limit == 0:
+        return result
+    # eq. 3.14 states neither colour space nor numbers
+    return lightness_equalised(result, clip_limit=steps.clip_limit)
 
 
 def working_copy(image: np.ndarray) -> list[np.ndarray]:
@@ -249,16 +245,3 @@ def joined(planes: dict[int, np.ndarray]) -> np.ndarray:
         rest = given[0] if len(given) == 1 else cv2.addWeighted(given[0], 0.5, given[1], 0.5, 0)
         planes = {channel: planes.get(channel, rest) for channel in range(3)}
     return cv2.merge([planes[channel] for channel in range(3)])
-
-
-def equalised(image: np.ndarray, clip_limit: float) -> np.ndarray:
-    """Return the picture (H, W, 3) uint8 sRGB with the L of CIELab equalised in tiles, contrast limited.
-
-    Source: Zuiderveld, Graphics Gems IV, 1994; the dissertation, eq. 3.14, states neither colour space nor numbers.
-    """
-    import cv2
-
-    lab = cv2.cvtColor(image, cv2.COLOR_RGB2Lab)
-    equaliser = cv2.createCLAHE(clipLimit=clip_limit, tileGridSize=CLAHE_TILES)
-    cv2.insertChannel(equaliser.apply(cv2.extractChannel(lab, 0)), lab, 0)
-    return cv2.cvtColor(lab, cv2.COLOR_Lab2RGB)

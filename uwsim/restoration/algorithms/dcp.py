@@ -16,6 +16,6 @@ NEEDS = ()
 def restore(image: np.ndarray) -> np.ndarray:
     """Return the (H, W, 3) uint8 sRGB image without haze."""
     colours = unit(image)
-    ambient = dark_channel.ambient_light(colours, dark_channel.dark_channel(colours))
+    ambient = dark_channel.haze_light(colours, dark_channel.dark_channel(colours))
     transmission = dark_channel.refined(dark_channel.haze_transmission(colours, ambient), colours)
     return to_uint8(dark_channel.without_haze(colours, ambient, transmission))

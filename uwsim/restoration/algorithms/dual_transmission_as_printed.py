@@ -10,9 +10,9 @@ the transmission below its own bound; eq. 3.13 turns what lies below t0 black.
 
 import numpy as np
 
-from uwsim.restoration import ambient_light, colour_constancy, dual_transmission
+from uwsim.restoration import ambient_light, colour_constancy
 from uwsim.restoration.dark_channel import dark_channel
-from uwsim.restoration.levels import luma, to_uint8, unit
+from uwsim.restoration.levels import lightness_equalised, luma, to_uint8, unit
 
 INPUT = "srgb_uint8"
 NEEDS = ()
@@ -29,7 +29,7 @@ def restore(image: np.ndarray) -> np.ndarray:
     picture = unit(image)
     corrected, ambient = colour_corrected(picture)
     transmission = np.maximum(bound(corrected, ambient), local_contrast(corrected)[..., None]) * GAMMA_1
-    return dual_transmission.equalised(to_uint8(solved(corrected, transmission, ambient)), CLIP_LIMIT)
+    return lightness_equalised(to_uint8(solved(corrected, transmission, ambient)), clip_limit=CLIP_LIMIT)
 
 
 def colour_corrected(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

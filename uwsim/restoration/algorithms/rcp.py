@@ -9,7 +9,7 @@ asked for. Transmission refined by the guided filter instead of matting.
 
 import numpy as np
 
-from uwsim.restoration import dark_channel
+from uwsim.restoration import ambient_light, dark_channel
 from uwsim.restoration.levels import to_uint8, unit
 
 INPUT = "srgb_uint8"
@@ -51,6 +51,5 @@ def red_transmission(image: np.ndarray, ambient: np.ndarray, *, saturation_weigh
 def _ambient(image: np.ndarray) -> np.ndarray:
     """Return A (3,): the pixel with the least red among the tenth of the picture with the largest red channel prior."""
     inverted = np.dstack([1 - image[..., 0], image[..., 1:]])
-    candidates = dark_channel.haziest(dark_channel.dark_channel(inverted), AMBIENT_SHARE)
-    pixels = image.reshape(-1, 3)[candidates]
+    pixels = image[ambient_light.brightest(dark_channel.dark_channel(inverted), image, share=AMBIENT_SHARE)]
     return np.clip(pixels[np.argmin(pixels[:, 0])], _LEAST, 1 - _LEAST)

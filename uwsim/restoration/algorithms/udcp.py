@@ -16,6 +16,6 @@ NEEDS = ()
 def restore(image: np.ndarray) -> np.ndarray:
     """Return the (H, W, 3) uint8 sRGB image without haze."""
     colours = unit(image)
-    ambient = dark_channel.ambient_light(colours, dark_channel.dark_channel(colours[..., 1:]))
+    ambient = dark_channel.haze_light(colours, dark_channel.dark_channel(colours[..., 1:]))
     transmission = dark_channel.haze_transmission(colours[..., 1:], ambient[1:])
     return to_uint8(dark_channel.without_haze(colours, ambient, dark_channel.refined(transmission, colours)))

@@ -20,7 +20,7 @@ PENALTY = 1 / 1000
 def restore(image: np.ndarray) -> np.ndarray:
     """Return the (H, W, 3) uint8 sRGB image without haze."""
     colours = unit(image)
-    ambient = dark_channel.ambient_light(colours, dark_channel.dark_channel(colours))
+    ambient = dark_channel.haze_light(colours, dark_channel.dark_channel(colours))
     transmission = weighted_guided(
         luma(colours), dark_channel.haze_transmission(colours, ambient), radius_px=RADIUS_PX, penalty=PENALTY,
         subsample=dark_channel.SUBSAMPLE,
