@@ -112,7 +112,7 @@ elif [ -s "$stamp" ] && [ "$(head -n 1 "$stamp")" != "$PWD" ]; then
 fi
 if [ "$(cat "$stamp" 2>/dev/null)" != "$(fingerprint)" ]; then
     say "installing uwsim and its dependencies into $venv"
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev,cluster]' </dev/null
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev,cluster,denoise]' </dev/null
     fingerprint >"$stamp"
 fi
 see_to_libraries

@@ -51,6 +51,7 @@ def generated(recipe: Path, out: Path, *, workers: int, threads: int) -> tuple[f
 def beside_rendering(*, width: int, height: int, samples: int, frames: int) -> list[tuple[float, float]]:
     """Return (seconds of rendering, seconds of the rest) of frames made in this process, all after a first one."""
     from uwsim.dataset import make, task
+    from uwsim.dataset.generate import task_of
     from uwsim.dataset.recipe import Recipe, draw
     from uwsim.render import variants
     from uwsim.validation import validated
@@ -76,19 +77,7 @@ def beside_rendering(*, width: int, height: int, samples: int, frames: int) -> l
         with tempfile.TemporaryDirectory() as folder:
             for frame in range(frames + 1):
                 started = time.perf_counter()
-                drawn = draw(recipe, frame, where="scale")
-                record = task.finish(
-                    task.Task(
-                        folder=Path(folder) / f"{frame:06d}",
-                        group="one",
-                        seed=1,
-                        frame=frame,
-                        scene=drawn.scene,
-                        moment=drawn.moment,
-                        until=recipe.until,
-                        options=recipe.options,
-                    )  # fmt: skip
-                )
+                record = task.finish(task_of(recipe, frame, draw(recipe, frame, where="scale"), frames=Path(folder)))
                 if "error" in record:
                     raise SystemExit(record["error"])
                 found.append((rendering[-1], time.perf_counter() - started - rendering[-1]))

@@ -12,6 +12,7 @@ from uwsim.render.stopping import region_means
 
 pytest.importorskip(smooth.PACKAGE, reason="the denoiser is an extra: pip install pyoidn")
 
+SURFACES = smooth.Surfaces(albedo=np.ones((12, 16, 3)), normal=np.zeros((12, 16, 3), np.float32))
 SEEDS, SAMPLES_PER_BATCH, BATCHES = 192, 16, 5  # an odd number of batches: halves of different size
 LAYER = "backscatter"  # whose noise has the lightest tail: the test needs its own standard error small
 
@@ -27,7 +28,9 @@ def scene_in_water(llvm_spectral):
 
 
 def summed(built, view, kind, seed):
-    accumulator = kind(built, view, transport.estimate(built), samples_per_batch=SAMPLES_PER_BATCH, seed=seed)
+    accumulator = kind(
+        built, view, transport.estimate(built, orders=True), samples_per_batch=SAMPLES_PER_BATCH, seed=seed
+    )
     for _ in range(BATCHES):
         accumulator.add_batch()
     return accumulator.sums
@@ -44,16 +47,19 @@ def test_without_it_nothing_changes(scene_in_water):
     assert not np.array_equal(plain.sums, other.sums)
     even, odd, share = smooth.halves(halved)
     assert share == pytest.approx(3 / 5)
-    np.testing.assert_allclose(share * even + (1 - share) * odd, halved.means[[2, 3]], rtol=1e-12)
+    np.testing.assert_allclose(
+        share * even + (1 - share) * odd, smooth._scattered(halved.means), rtol=1e-12, atol=1e-18
+    )
 
 
-def test_direct_light_is_never_touched(scene_in_water):
+def test_light_that_nothing_scattered_is_never_touched(scene_in_water):
     sums = summed(*scene_in_water, smooth.HalvedAccumulator, 0)
     plain = transport.pictures(smooth.whole(sums))
-    found, _ = smooth.denoise_layers(plain, sums)
-    assert np.array_equal(found["direct"], plain["direct"])
-    assert not np.array_equal(found["backscatter"], plain["backscatter"])
-    np.testing.assert_allclose(found["radiance"], sum(found[n] for n in ("direct", *smooth.DENOISED)), rtol=1e-6)
+    found, _ = smooth.denoise_layers(plain, sums, SURFACES)
+    assert np.array_equal(found["direct_unscattered"], plain["direct_unscattered"])
+    assert np.all(found["direct"] >= found["direct_unscattered"])
+    assert not any(np.array_equal(found[name], plain[name]) for name in smooth.DENOISED)
+    np.testing.assert_allclose(found["radiance"], sum(found[name] for name in smooth.DENOISED), rtol=1e-6)
 
 
 @pytest.mark.slow
@@ -65,7 +71,7 @@ def test_stated_bias_is_the_true_one(scene_in_water, monkeypatch):
     # mean squares instead of their roots: unlike those, set to 0 from below, they average to the truth
     monkeypatch.setattr(smooth, "_root", lambda squares: float(squares.mean()))
     sums = [summed(*scene_in_water, smooth.HalvedAccumulator, seed) for seed in range(SEEDS)]
-    renders = [smooth.denoise_layers(transport.pictures(smooth.whole(one)), one) for one in sums]
+    renders = [smooth.denoise_layers(transport.pictures(smooth.whole(one)), one, SURFACES) for one in sums]
     images = np.stack([found[LAYER] for found, _ in renders]).astype(float)
     first, second = (
         transport.layers(*scene_in_water, samples_per_pixel=2048, batches=2, seed=seed)[LAYER].astype(float)
@@ -95,10 +101,18 @@ def squared_bias(stack: np.ndarray, first: np.ndarray, second: np.ndarray) -> fl
 
 
 def test_a_darkening_denoiser_is_found_out(scene_in_water, monkeypatch):
-    """Expected: a denoiser that takes a fifth of the light away is stated as -20 % in the mean and in regions."""
-    monkeypatch.setattr(smooth, "denoised", lambda layer: 0.8 * layer)
+    """Expected: a denoiser that takes a fifth of the light away is stated as -20 % in the mean and in regions; of the
+    direct layer, as a fifth of what particles sent to the bodies."""
+    monkeypatch.setattr(smooth, "denoised", lambda layer, normal=None: 0.8 * layer)
     sums = summed(*scene_in_water, smooth.HalvedAccumulator, 0)
-    _, biases = smooth.denoise_layers(transport.pictures(smooth.whole(sums)), sums)
-    for bias in biases.values():
-        np.testing.assert_allclose(bias.mean, -0.2, atol=1e-9)
-        assert bias.region == pytest.approx(0.2, rel=0.35)  # relative to the mean of the layer, which is not even
+    plain = transport.pictures(smooth.whole(sums))
+    _, biases = smooth.denoise_layers(plain, sums, SURFACES)
+    for name in ("forward_scatter", "backscatter"):
+        np.testing.assert_allclose(biases[name].mean, -0.2, atol=1e-6)
+        assert biases[name].region == pytest.approx(
+            0.2, rel=0.35
+        )  # relative to the mean of the layer, which is not even
+    scattered = plain["direct"] - plain["direct_unscattered"]
+    expected = -0.2 * scattered.mean(axis=(0, 1)) / plain["direct"].mean(axis=(0, 1))
+    np.testing.assert_allclose(biases["direct"].mean, expected, rtol=1e-3)
+    assert np.all(expected > -0.15)

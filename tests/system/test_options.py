@@ -30,7 +30,7 @@ def scene(tmp_path):
 
 
 def test_options_add_to_a_frame_and_change_nothing_else(scene, tmp_path, monkeypatch, capsys):
-    """Expected: with --orders the other buffers are the same bytes; with --denoise the scattered layers alone differ,
+    """Expected: with --orders the other buffers are the same bytes; with --denoise the layers alone differ,
     and frame.json and the output name denoiser and bias. Control: the plain frame has neither."""
     assert run(monkeypatch, "render", scene, "--out", tmp_path / "plain", *SAMPLES) == 0
     assert run(monkeypatch, "render", scene, "--out", tmp_path / "orders", *SAMPLES, "--orders") == 0

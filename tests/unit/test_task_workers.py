@@ -9,6 +9,7 @@ import pytest
 
 from uwsim import workers
 from uwsim.dataset import disk, runners, task
+from uwsim.dataset.generate import task_of
 from uwsim.dataset.recipe import Recipe, draw
 from uwsim.dataset.task import Task
 from uwsim.files import locked
@@ -29,20 +30,7 @@ def tasks(folder: Path, count: int, **scene) -> list[Task]:
     group = {"name": "one", "scene": "tank_markers", "frames": count, "set": scene}
     values = {"name": "test", "description": "", "seed": 3, "samples_per_pixel": 4, "batches": 2, "group": [group]}
     recipe = validated(Recipe, values, where="test")
-    drawn = [draw(recipe, frame, where="test") for frame in range(count)]
-    return [
-        Task(
-            folder=folder / f"{frame:06d}",
-            group="one",
-            seed=3,
-            frame=frame,
-            scene=one.scene,
-            moment=one.moment,
-            until=recipe.until,
-            options=recipe.options,
-        )  # fmt: skip
-        for frame, one in enumerate(drawn)
-    ]
+    return [task_of(recipe, frame, draw(recipe, frame, where="test"), frames=folder) for frame in range(count)]
 
 
 def dies_once(made: Task) -> dict:

@@ -17,7 +17,8 @@ What NEEDS may list:
   forward_scatter       (H, W, 3) as backscatter
   direct_gain           (H, W, 3), what the water leaves of the light straight from a body: direct / water_free, both
                         averaged over 15 px; unlike transmission it counts scattered illumination
-  noise_std             (H, W, 3), standard deviation of the image in its linear units: sensor, 8 bits, Monte Carlo
+  noise_std             (H, W, 3), standard deviation of the image in its linear units: sensor, 8 bits, and
+                        Monte Carlo unless the frame was denoised
 """
 
 from functools import partial
@@ -179,8 +180,9 @@ def _direct_gain(frame: Frame) -> np.ndarray:
 def _noise_std(frame: Frame) -> np.ndarray:
     sensor = sensor_keywords(frame)
     by_sensor = linear_from_radiance(noise_std_radiance(frame.buffer("radiance"), **sensor), **sensor)
-    # estimated from a few batches, and larger where a pixel happens to be bright
-    by_rendering = _smooth(np.square(linear_buffer(frame, "standard_error")))
+    # estimated from a few batches, and larger where a pixel happens to be bright; denoised layers are what they are
+    noisy = not frame.info.options.denoised_layers
+    by_rendering = _smooth(np.square(linear_buffer(frame, "standard_error"))) if noisy else 0.0
     level = np.gradient(linear_from_srgb_uint8(np.arange(256, dtype=np.uint8)))
     return np.sqrt(np.square(by_sensor) + by_rendering + np.square(level[frame.image]) / 12)
 

@@ -80,9 +80,9 @@ def check_frame(frame: Frame) -> None:
 
 
 def _check_orders(frame: Frame, buffers: dict[str, np.ndarray]) -> None:
-    """A share of a layer is not more than the layer, unless the layer alone was denoised."""
+    """A share of a layer is not more than the layer, unless the whole layer was denoised."""
     for name, layer in (("direct_unscattered", "direct"), ("backscatter_single", "backscatter")):
-        if name not in buffers or layer in frame.info.options.denoised_layers:
+        if name not in buffers or (layer == "backscatter" and layer in frame.info.options.denoised_layers):
             continue
         beyond = buffers[name] > buffers[layer] * (1 + 1e-5)
         if buffers[name].min() < 0 or np.any(beyond):

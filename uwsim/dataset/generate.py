@@ -37,7 +37,7 @@ def generate(
     `failed` of dataset.json) and left out; `resume` tries it again. Raises ValueError in one line, also where no frame
     could be made and where the disk gets full.
     """
-    if recipe.denoise:
+    if any(recipe.options_of(group).denoise for group in recipe.group):
         smooth.require_denoiser()
     drawn = [draw(recipe, frame, where=where) for frame in range(recipe.frames)]
     _require_separate_splits(recipe, drawn, where=where)
@@ -54,7 +54,7 @@ def generate(
         _remove_leftovers(out)
         store.write_manifest(out, manifest)
         write_sequences(recipe, out, where=where)
-        tasks = [_task(recipe, out, frame, one) for frame, one in enumerate(drawn)]
+        tasks = [task_of(recipe, frame, one, frames=out / "frames") for frame, one in enumerate(drawn)]
         failed = _make(tasks, out, run=run, side_by_side=side_by_side, done=done)
         if len(failed) == recipe.frames:
             name, first = next(iter(failed.items()))
@@ -67,10 +67,12 @@ def generate(
     return store.open(out)
 
 
-def _task(recipe: Recipe, out: Path, frame: int, drawn: Drawn) -> Task:
+def task_of(recipe: Recipe, frame: int, drawn: Drawn, *, frames: Path) -> Task:
+    """Return the task of making one frame of a recipe in a folder of its own in `frames`."""
+    group = recipe.locate(frame)[0]
     return Task(
-        folder=out / "frames" / f"{frame:06d}", group=recipe.locate(frame)[0].name, seed=recipe.seed, frame=frame,
-        scene=drawn.scene, moment=drawn.moment, until=recipe.until, options=recipe.options,
+        folder=frames / f"{frame:06d}", group=group.name, seed=recipe.seed, frame=frame, scene=drawn.scene,
+        moment=drawn.moment, until=recipe.until, options=recipe.options_of(group),
     )  # fmt: skip
 
 

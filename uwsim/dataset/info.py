@@ -58,13 +58,16 @@ class DenoiserBias(Strict):
     pixel_error_before: Annotated[float, Field(ge=0)]
 
 
+Layer = Literal["direct", "forward_scatter", "backscatter"]
+
+
 class Options(Strict):
     """What the frame has on request; `denoiser` (else null) names what made `denoised_layers` smooth, and biased."""
 
     orders: bool = False
     denoiser: str | None = None
-    denoised_layers: tuple[Literal["forward_scatter", "backscatter"], ...] = ()
-    bias: dict[Literal["radiance", "sharp"], dict[Literal["forward_scatter", "backscatter"], DenoiserBias]] = {}
+    denoised_layers: tuple[Layer, ...] = ()
+    bias: dict[Literal["radiance", "sharp"], dict[Layer, DenoiserBias]] = {}
 
     @model_validator(mode="after")
     def _agrees(self):

@@ -89,7 +89,7 @@ def _options(rendered: Rendered, options: smooth.Options) -> dict:
     return {
         "orders": options.orders,
         "denoiser": smooth.denoiser_name(),
-        "denoised_layers": smooth.DENOISED,
+        "denoised_layers": tuple(biases["radiance"]),
         "bias": {name: {layer: asdict(bias) for layer, bias in layers.items()} for name, layers in biases.items()},
     }
 

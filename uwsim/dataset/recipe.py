@@ -37,12 +37,14 @@ class Group(Strict):
     The last axis of a grid runs fastest. With a `sequence` each combination is one sequence (paths that begin with
     `sequence.` lead into it), without a grid the group is one. `cameras`: each frame is taken by all of them at once,
     one frame of the dataset for each, one after the other. `split`: where exports put the frames; groups of
-    different splits must not show the same bodies in the same places (`make` refuses that).
+    different splits must not show the same bodies in the same places (`make` refuses that). `denoise`: other than the
+    recipe's.
     """
 
     name: Name
     scene: str
     split: Literal["train", "val", "test"] | None = None
+    denoise: bool | None = None
     frames: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     set: dict[str, object] = {}
     grid: tuple[Axis, ...] = ()
@@ -168,10 +170,9 @@ class Recipe(Strict):
             return stopping.until(self.samples_per_pixel, self.batches, None)
         return self.noise.until
 
-    @property
-    def options(self) -> smooth.Options:
-        """What every frame has on request."""
-        return smooth.Options(orders=self.orders, denoise=self.denoise)
+    def options_of(self, group: Group) -> smooth.Options:
+        """Return what the frames of a group have on request."""
+        return smooth.Options(orders=self.orders, denoise=self.denoise if group.denoise is None else group.denoise)
 
     @property
     def frames(self) -> int:

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from uwsim import seeds
-from uwsim.render import geometry, memory, placement, selfcheck, stopping, transport
+from uwsim.render import geometry, memory, placement, selfcheck, smooth, stopping, transport
 from uwsim.render.build import build, exposure_poses
 from uwsim.render.checkpoint import Checkpoint
 from uwsim.render.film import view_of
 from uwsim.render.motion import exposure_steps, flow, momentary, sub_frames, summarise_blur
 from uwsim.render.rounds import Ended, Rounds
-from uwsim.render.smooth import Options
 from uwsim.scene.models import Scene
 
 _SAMPLES_TRANSMISSION = 64
-_NOTHING_MORE = Options()
+_NOTHING_MORE = smooth.Options()
 
 Progress = Callable[[str, int, int], None]
 
@@ -37,7 +36,7 @@ class Rendered:
 
 def render_frame(
     scene: Scene, *, until: stopping.Until, seed: int, frame: int, checkpoint: Checkpoint | None = None,
-    progress: Progress | None = None, options: Options = _NOTHING_MORE,
+    progress: Progress | None = None, options: smooth.Options = _NOTHING_MORE,
 ) -> Rendered:  # fmt: skip
     """Render a scene by light transport, with its water-free twin, layers, geometry and motion.
 
@@ -63,8 +62,10 @@ def render_frame(
     names = ("radiance", "water_free", *(("sharp",) if scene.moves else ()))
     rounds = Rounds(scene, view, until, names=names, checkpoint=checkpoint, progress=progress, options=options)
 
+    surfaces = None if scene.moves else smooth.Surfaces(albedo=buffers["albedo"], normal=buffers["normal"])
+
     def light(name, built, seen=None):
-        return rounds.picture(name, built, seed=seeds.integer(seed, frame, name), view=seen)
+        return rounds.picture(name, built, seed=seeds.integer(seed, frame, name), view=seen, surfaces=surfaces)
 
     without_water = build(scene, water=None, rig_poses=poses, sub_frames=parts)
     in_water = build(scene, water=water, rig_poses=poses, sub_frames=parts)

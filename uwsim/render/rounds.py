@@ -61,13 +61,20 @@ class Rounds:
         self._started_s = time.monotonic()
         self._constants: dict | None = None
 
-    def picture(self, name: str, built, *, seed: int, view: View | None = None) -> dict[str, np.ndarray]:
-        """Return the images of `transport.layers`, rendered until a rule ends it; `view`: another than the frame's."""
+    def picture(
+        self, name: str, built, *, seed: int, view: View | None = None, surfaces: smooth.Surfaces | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return the images of `transport.layers`, rendered until a rule ends it; `view`: another than the frame's.
+
+        `surfaces`: what its pixels see, for the denoiser; None where bodies or camera move.
+        """
+        from uwsim.render.integrator import ORDERS
+
         stored = self.checkpoint and self.checkpoint.sums(name)
-        denoise = self.options.denoise and name != "water_free"
+        denoise, orders = self.options.denoise and name != "water_free", self.options.orders and name == "radiance"
         kind = smooth.HalvedAccumulator if denoise else Accumulator
         accumulator = kind(
-            built, view or self.view, transport.estimate(built, orders=self.options.orders and name == "radiance"),
+            built, view or self.view, transport.estimate(built, orders=denoise or orders),
             samples_per_batch=self.until.samples_per_batch, seed=seed, sums=stored,
         )  # fmt: skip
         if self.until.batches is not None and accumulator.batches > self.until.batches:
@@ -89,7 +96,8 @@ class Rounds:
             clock.lap()
         images, bias = _images(accumulator.sums, denoise), {}
         if denoise:
-            images, bias = smooth.denoise_layers(images, accumulator.sums)
+            images, bias = smooth.denoise_layers(images, accumulator.sums, surfaces)
+            images = images if orders else {key: image for key, image in images.items() if key not in ORDERS}
         self.ended[name] = Ended(
             noise=self._noise(name, accumulator.sums, images),
             by=by,
