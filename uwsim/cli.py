@@ -311,7 +311,19 @@ def bench(
     dataset: Annotated[Path | None, typer.Option(help="Dataset folder; default: the one the benchmark names.")] = None,
     algorithm: Annotated[list[str] | None, typer.Option(help="Name, or path of your own .py file; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A reduced run of a few cases.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for the page of validity, validity_chart.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder for the page of restoration, validity, validity_chart; or contact sheets."),
+    ] = None,
+    photos: Annotated[
+        Path | None, typer.Option(help="restoration: folder of real photographs and videos instead of a dataset.")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(min=1, help="Of videos every n-th frame, 1 for all; default: as their layout says.")
+    ] = None,
+    simulated: Annotated[
+        Path | None, typer.Option(help="Result on simulated pictures, to compare its ranking with that on videos.")
+    ] = None,
     checkpoint: Annotated[Path | None, typer.Option(help="File that keeps the scores of finished cases.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the --checkpoint.")] = False,
     workers: Annotated[int, typer.Option(min=1, help="Processes that score cases side by side.")] = 1,
@@ -322,11 +334,21 @@ def bench(
 
     if json not in (None, "-"):
         _parent(Path(json))
+    of_datasets = {"dataset": dataset, "quick": quick, "checkpoint": checkpoint, "resume": resume}
+    of_datasets |= {"workers": workers > 1}
+    others = {"every": every, "simulated": simulated} if photos is None else of_datasets
+    if given := [f"--{key}" for key, value in others.items() if value not in (None, False)]:
+        raise ValueError(f"{', '.join(given)}: allowed only {'with' if photos is None else 'without'} --photos")
     with _progress() as report:
-        result = commands.run_benchmark(
-            name, dataset, algorithms=algorithm, quick=quick, report=report, out=out, checkpoint=checkpoint,
-            resume=resume, workers=workers,
-        )  # fmt: skip
+        if photos is not None:
+            result = commands.run_on_photographs(
+                name, photos, algorithms=algorithm, every=every, simulated=simulated, out=out, report=report
+            )
+        else:
+            result = commands.run_benchmark(
+                name, dataset, algorithms=algorithm, quick=quick, report=report, out=out, checkpoint=checkpoint,
+                resume=resume, workers=workers,
+            )  # fmt: skip
     if json is not None:
         _write_json(json, result.to_json())
     if json != "-":

@@ -169,18 +169,17 @@ def run_benchmark(
 ):  # fmt: skip
     """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/.
 
-    quick: on few cases, of the benchmark's `quick_dataset` if it has one. out: folder for the page of validity.
+    quick: on few cases, of the benchmark's `quick_dataset` if it has one. out: folder for the page.
     checkpoint, resume, workers: as in `bench.run.run`.
     """
     from uwsim.bench.definition import read_definition
     from uwsim.bench.run import run
-    from uwsim.bench.validity import page
     from uwsim.dataset import store
 
     definition = read_definition(name)[1]
     if out is not None:
         require_folder(out)
-        page.check(name, algorithms=algorithms)
+        page = page_of(name, definition.task, algorithms=algorithms)
     if dataset is None:
         recipe = definition.quick_dataset if quick and definition.quick_dataset else definition.dataset
         dataset = Path("out") / Path(recipe).stem
@@ -195,6 +194,29 @@ def run_benchmark(
         report("page", 0, 1)
         page.write(out, result=result, dataset=opened)
     return result
+
+
+def run_on_photographs(
+    name: str, folder: Path, *, algorithms: list[str] | None, every: int | None, simulated: Path | None,
+    out: Path | None, report: Report,
+):  # fmt: skip
+    """Score restorations on a folder of photographs and videos; arguments as in `bench.photos.run.run`."""
+    from uwsim.bench.photos.run import run
+
+    if out is not None:
+        require_folder(out)
+    return run(name, folder, algorithms=algorithms, every=every, simulated=simulated, out=out, progress=report)
+
+
+def page_of(name: str, task: str, *, algorithms: list[str] | None):
+    """Return the module whose `write` makes the page of a benchmark; ValueError unless there is one for such a run."""
+    from uwsim.bench.restoration_page import page as of_restoration
+    from uwsim.bench.validity import page as of_validity
+
+    if task == "restoration":
+        return of_restoration
+    of_validity.check(name, algorithms=algorithms)
+    return of_validity
 
 
 def read_result(path: Path) -> dict:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from uwsim.bench import blur, pose, restoration
+from uwsim.bench import blur, markers, pose, restoration
 from uwsim.bench.definition import read_definition
 from uwsim.bench.records import markdown, read_result
 from uwsim.bench.run import load, run, select
@@ -97,7 +97,7 @@ def test_pose_is_scored_against_the_scene(dataset):
 
 
 def test_a_frame_without_detection_counts_and_has_no_error(dataset, monkeypatch):
-    monkeypatch.setattr(pose, "detect_markers", lambda image, dictionary: {})
+    monkeypatch.setattr(markers, "detect_markers", lambda image, dictionary: {})
     result = run("pose", dataset)
     assert values(result, "detected_percent")["opencv_sqpnp"] == 0
     assert values(result, "rotation_error_deg")["opencv_sqpnp"] is None
@@ -283,7 +283,7 @@ def test_behind_a_port_plain_solvers_get_a_pinhole_and_the_result_says_so(tmp_pa
     """Expected: with the lens the pose is exact, without it is off by about what the port does to a pinhole, not by the
     third that the focal length in air would make. Control: a frame without a port has no such note."""
     made, corners = behind_a_port(tmp_path / "port")
-    monkeypatch.setattr(pose, "detect_markers", lambda image, dictionary: corners)
+    monkeypatch.setattr(markers, "detect_markers", lambda image, dictionary: corners)
     code = """
 import numpy as np
 from uwsim.pose.refine import refine
@@ -321,4 +321,4 @@ def test_behind_a_port_image_methods_get_radiance_in_the_water(tmp_path, dataset
 
 
 def test_motion_truth_is_the_frames_own(dataset):
-    assert blur.case(dataset, "000002").summaries == ("all", "uniform")
+    assert blur.summaries(dataset, ["000002"]) == {"all": ["000002"], "uniform": ["000002"]}

@@ -45,5 +45,5 @@ def test_control_a_misspelt_key_is_refused():
 def test_the_recipe_draws_scenes():
     (values,) = (block for block in blocks() if is_recipe(block))
     recipe = validated(Recipe, values, where=README)
-    assert recipe.options.orders
+    assert recipe.orders
     assert draw_scene(recipe, recipe.frames - 1, where=README).bodies[0].name == "board"

@@ -38,8 +38,13 @@ def case(dataset: Dataset, name: str) -> Case:
         image=frame.image,
         makers={"sharp": partial(linear_buffer, frame, "sharp")},
         truth=blur,
-        summaries=("all", "uniform") if blur.uniform else ("all",),
     )
+
+
+def summaries(dataset: Dataset, cases: list[str]) -> dict[str, list[str]]:
+    """Return the cases of "all", and of "uniform" where there are any."""
+    uniform = [name for name in cases if dataset.frame(name).info.blur.uniform]
+    return {"all": cases} | ({"uniform": uniform} if uniform else {})
 
 
 def estimated(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> tuple[object, float]:
@@ -79,4 +84,5 @@ TASK = Task(
     case_names=case_names,
     case=case,
     score=score,
+    summaries=summaries,
 )

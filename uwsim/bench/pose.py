@@ -23,6 +23,7 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench import runner
+from uwsim.bench.markers import camera_from_body, found_markers, whole_markers
 from uwsim.bench.task import Case, Task, camera_notes, frame_of_case, lens_of, pinhole_points
 from uwsim.camera.lens import Lens
 from uwsim.dataset.frame import Frame
@@ -30,7 +31,6 @@ from uwsim.dataset.info import FrameInfo
 from uwsim.dataset.store import Dataset
 from uwsim.metrics import pose as pose_metrics
 from uwsim.pose import solvers
-from uwsim.pose.detect import detect_markers
 
 STATISTICS = {
     "detected_percent": "mean", "rotation_error_deg": "median", "translation_error_percent": "median",
@@ -61,17 +61,13 @@ class View:
     @cached_property
     def camera_from_body(self) -> np.ndarray:
         """Return the true pose at mid-exposure, (4, 4) [m]."""
-        body = next(body for body in self.frame.info.bodies if body.name == self.body)
-        return np.linalg.inv(self.frame.world_from_camera) @ np.array(body.world_from_body)
+        return camera_from_body(self.frame, self.body)
 
     @cached_property
     def detected(self) -> Points:
         """Corners of the detected markers; `true_px` is NaN where a marker has a corner behind the camera."""
         markers = self._markers()
-        found = {}
-        for dictionary in sorted({marker.dictionary for marker in markers}):
-            for identity, corners in detect_markers(self.frame.image, dictionary).items():
-                found[dictionary, identity] = corners
+        found = found_markers(self.frame.image, markers)
         seen = [marker for marker in markers if (marker.dictionary, marker.id) in found]
         found_px = [found[marker.dictionary, marker.id] for marker in seen]
         has_rays = [bool(np.all(np.isfinite(self.normalised(corners)))) for corners in found_px]
@@ -108,7 +104,7 @@ def _points(body_m: list, image_px: list, true_px: list) -> Points:
 
 def bodies_in_view(info: FrameInfo) -> list[str]:
     """Return the bodies of which at least one marker is visible with all its corners."""
-    return sorted({marker.body for marker in info.markers if marker.corners_px and all(marker.visible)})
+    return sorted({marker.body for marker in whole_markers(info)})
 
 
 def case_names(dataset: Dataset) -> list[str]:

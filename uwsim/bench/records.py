@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -13,9 +14,12 @@ from uwsim.validation import validated
 
 ARROWS = {"higher": "↑", "lower": "↓"}
 TITLES = {
-    "psnr": "PSNR", "mse": "MSE", "ssim": "SSIM", "uciqe_o": "UCIQE (O)", "uiqm_f": "UIQM (F)",
-    "uiqm_m": "UIQM (M)", "failure_percent": "failures", "detected_percent": "detected",
-    "milliseconds": "time", "relative_radiance_error": "image error",
+    "psnr": "PSNR", "mse": "MSE", "ssim": "SSIM", "psnr_gain": "PSNR, gain fitted", "ssim_gain": "SSIM, gain fitted",
+    "colour_difference": "ΔE00", "colour_difference_gain": "ΔE00, gain fitted", "mtf50_ratio": "MTF50 / truth's",
+    "usaf_transfer": "USAF transfer", "tags_found": "tags found", "sift_matches": "SIFT matches",
+    "orb_matches": "ORB matches", "oracle_share": "oracle's share", "oracle_share_gain": "oracle's share, gain fitted",
+    "uciqe_o": "UCIQE (O)", "uiqm_f": "UIQM (F)", "uiqm_m": "UIQM (M)", "failure_percent": "failures",
+    "detected_percent": "detected", "milliseconds": "time", "relative_radiance_error": "image error",
 }  # fmt: skip
 _NOTE_KEYS = ("case", "algorithm", "metric")
 # below this an error is the round-off of the arithmetic
@@ -27,7 +31,8 @@ class Record:
     """One number. `given`: the truth that the algorithm was shown (its NEEDS).
 
     `value` is None where there is no finite number; `note` then says why ("identical images", "no estimate",
-    "not installed: ..."). `case` is a frame, or a summary over cases ("all"; blur also "uniform").
+    "not installed: ..."). `case` is a frame, or a summary over cases ("all"; blur also "uniform", restoration also
+    the names of waters): those that the provenance lists under `summaries`.
     """
 
     case: str
@@ -115,16 +120,21 @@ def role(result: Result, algorithm: str) -> str:
 
 
 def summary_names(result: Result) -> list[str]:
-    """Return the summaries that the result holds: "all", and where there are any "uniform"."""
+    """Return the summaries that the result holds, "all" first."""
     present = {record.case for record in result.records}
-    return [name for name in ("all", "uniform") if name in present]
+    # results of earlier versions do not list them
+    return [name for name in result.provenance.get("summaries", ("all", "uniform")) if name in present]
 
 
-def table(result: Result, case: str = "all") -> tuple[list[Record], list[list[Record]]]:
-    """Return (a record per metric for the head, a row of records per algorithm) of a summary or a case."""
+def table(result: Result, case: str = "all", *, further: bool = False) -> tuple[list[Record], list[list[Record]]]:
+    """Return (a record per metric for the head, a row of records per algorithm) of a summary or a case.
+
+    Without the metrics that the provenance lists under `further`, or these alone.
+    """
+    second = result.provenance.get("further", ())
     rows: dict[str, list[Record]] = {}
     for record in result.records:
-        if record.case == case:
+        if record.case == case and (record.metric in second) == further:
             rows.setdefault(record.algorithm, []).append(record)
     if not rows:
         raise ValueError(f"{result.benchmark}: no records of case {case!r}")
@@ -132,20 +142,42 @@ def table(result: Result, case: str = "all") -> tuple[list[Record], list[list[Re
 
 
 def markdown(result: Result) -> str:
-    """Return the summaries as Markdown tables; do-nothing and oracle are marked."""
+    """Return the summaries as Markdown tables; do-nothing and oracle are marked.
+
+    Metrics of the provenance's `further` stand in a table of their own, over all cases; below it its `findings`.
+    """
     parts = []
     for case in summary_names(result):
-        head, rows = table(result, case)
-        titles = ["algorithm", "given", *(column_title(record) for record in head)]
-        lines = [_row(titles), _row(["---", "---"] + ["---:"] * len(head))]
-        for row in rows:
-            kind = role(result, row[0].algorithm)
-            name = f"{row[0].algorithm} ({kind})" if kind else row[0].algorithm
-            lines.append(_row([name, ", ".join(row[0].given) or "-", *(text(record) for record in row)]))
         caption = f"{result.benchmark}, {case} cases" if case != "all" else result.benchmark
-        parts.append(f"### {caption}\n\n" + "\n".join(lines) + "\n")
+        parts.append(_summary(caption, result, *table(result, case)))
+    if result.provenance.get("further"):
+        parts.append(_summary(f"{result.benchmark}, further scores", result, *table(result, further=True)))
+    for finding in result.provenance.get("findings", {}).values():
+        parts.append(
+            _section(finding["caption"], finding["head"], [map(cell, row) for row in finding["rows"]], texts=1)
+        )
     parts += [f"Note: {text}.\n" for text in result.provenance.get("cameras", [])]
     return "\n".join(parts)
+
+
+def _summary(caption: str, result: Result, head: list[Record], rows: list[list[Record]]) -> str:
+    lines = []
+    for row in rows:
+        kind = role(result, row[0].algorithm)
+        name = f"{row[0].algorithm} ({kind})" if kind else row[0].algorithm
+        lines.append([name, ", ".join(row[0].given) or "-", *(text(record) for record in row)])
+    return _section(caption, ["algorithm", "given", *(column_title(record) for record in head)], lines, texts=2)
+
+
+def _section(caption: str, head: list[str], rows: Iterable[Iterable[str]], *, texts: int) -> str:
+    """Return a heading and a table whose columns after the first `texts` are numbers."""
+    lines = [_row(head), _row(["---"] * texts + ["---:"] * (len(head) - texts)), *(_row(row) for row in rows)]
+    return f"### {caption}\n\n" + "\n".join(lines) + "\n"
+
+
+def cell(value: str | float | None) -> str:
+    """Return a cell of a finding as text."""
+    return value if isinstance(value, str) else "-" if value is None else number(value)
 
 
 def column_title(record: Record) -> str:
@@ -167,5 +199,5 @@ def number(value: float) -> str:
     return "< 1e-9" if 0 < abs(value) < ROUND_OFF else f"{value:.4g}"
 
 
-def _row(cells: list[str]) -> str:
+def _row(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -69,31 +69,49 @@ def run(
         if kept is not None:
             kept.add(name, scores)
         report(f"{title}: {name}", len(found), len(cases))
-    records, summaries = _records(task, dataset, cases, chosen, found)
-    for summary, scores in summaries.items():
+    return _result(title, task, definition, dataset, chosen, {name: found[name] for name in cases}, quick=quick)
+
+
+def _result(
+    title: str, task: Task, definition: Definition, dataset: Dataset, chosen: list[Algorithm],
+    found: dict[str, Scores], *, quick: bool,
+) -> Result:  # fmt: skip
+    """Return the result of the scores of all cases."""
+    cases, found = list(found), _related(task, definition, found)
+    statistics = {key: how for key, how in task.statistics.items() if definition.oracle or key not in task.relative}
+    present = [algorithm for algorithm in chosen if not algorithm.missing]
+    records = [
+        record for name in cases for record in _records(name, present, found[name], (*statistics, *task.details))
+    ]
+    summaries = task.summaries(dataset, cases)
+    for summary, members in summaries.items():
         for algorithm in chosen:
-            records += _summary(task, summary, algorithm, scores.get(algorithm.name, []))
-    origin = _provenance(definition, dataset, quick=quick, cases=len(cases)) | {"cameras": task.notes(dataset, cases)}
-    if conditions := task.conditions(dataset, cases):
-        origin |= {"conditions": conditions}
+            scores = [] if algorithm.missing else [found[name][algorithm.name] for name in members]
+            records += _summary(statistics, summary, algorithm, scores)
+    origin = _provenance(definition, dataset, quick=quick, cases=len(cases)) | {"statistics": statistics}
+    origin |= {"summaries": list(summaries), "cameras": task.notes(dataset, cases)}
+    extra = {
+        "conditions": task.conditions(dataset, cases), "further": list(task.further),
+        "findings": task.findings(dataset, found),
+    }  # fmt: skip
+    origin |= {key: value for key, value in extra.items() if value}
     return Result(benchmark=title, provenance=origin, records=tuple(records))
 
 
-def _records(
-    task: Task, dataset: Dataset, cases: list[str], chosen: list[Algorithm], found: dict[str, Scores]
-) -> tuple[list[Record], dict[str, dict[str, list[dict]]]]:
-    """Return the records of the cases, and {summary: {algorithm: scores of its cases}}."""
-    records, summaries = [], {}
-    keys = (*task.statistics, *task.details)
-    for name in cases:
-        belongs_to = task.case(dataset, name).summaries
-        for algorithm in (algorithm for algorithm in chosen if not algorithm.missing):
-            scores = found[name][algorithm.name]
-            blanks = [_blank(name, algorithm, key, scores.get("note", "") if key == keys[0] else "") for key in keys]
-            records += [record_from_score(blank, scores[blank.metric]) for blank in blanks]
-            for summary in belongs_to:
-                summaries.setdefault(summary, {}).setdefault(algorithm.name, []).append(scores)
-    return records, summaries
+def _related(task: Task, definition: Definition, found: dict[str, Scores]) -> dict[str, Scores]:
+    """Return the scores of all cases with the metrics that compare algorithms with each other."""
+    if definition.oracle is None:
+        return found
+    return {name: task.relate(scores, definition.do_nothing, definition.oracle) for name, scores in found.items()}
+
+
+def _records(case: str, algorithms: list[Algorithm], found: Scores, keys: tuple[str, ...]) -> list[Record]:
+    records = []
+    for algorithm in algorithms:
+        scores = found[algorithm.name]
+        blanks = [_blank(case, algorithm, key, scores.get("note", "") if key == keys[0] else "") for key in keys]
+        records += [record_from_score(blank, scores[blank.metric]) for blank in blanks]
+    return records
 
 
 def _scored(
@@ -180,9 +198,9 @@ def _blank(case: str, algorithm: Algorithm, metric: str, note: str = "") -> Reco
     return Record(case, algorithm.name, algorithm.given, metric, None, unit, better, note)
 
 
-def _summary(task: Task, case: str, algorithm: Algorithm, scores: list[dict[str, float]]) -> list[Record]:
+def _summary(statistics: dict[str, str], case: str, algorithm: Algorithm, scores: list[dict]) -> list[Record]:
     records = []
-    for metric, statistic in task.statistics.items():
+    for metric, statistic in statistics.items():
         if algorithm.missing:
             note = f"not installed: {', '.join(algorithm.missing)}"
             records.append(_blank(case, algorithm, metric, note))
@@ -194,11 +212,9 @@ def _summary(task: Task, case: str, algorithm: Algorithm, scores: list[dict[str,
 
 
 def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:
-    task = TASKS[definition.task]
     unused = {key for key in ("quick_dataset", "variants") if not getattr(definition, key)}
     return {
         "definition": definition.model_dump(mode="json", exclude=unused),
-        "statistics": task.statistics,
         "dataset": {
             "name": dataset.name,
             "seed": dataset.manifest["seed"],

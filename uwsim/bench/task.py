@@ -10,6 +10,7 @@ from types import ModuleType
 
 import numpy as np
 
+from uwsim.bench.kept import Scores
 from uwsim.bench.runner import Makers
 from uwsim.camera import distortion, sensor_record
 from uwsim.camera.lens import Lens, lens_from_record
@@ -27,7 +28,6 @@ class Case:
     image: np.ndarray
     makers: Makers
     truth: object
-    summaries: tuple[str, ...] = ("all",)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,13 @@ class Task:
     `score(module, algorithm, given, case)` -> {metric: value}: NaN for no estimate, inf for identical images; and
     `note`, a text, where there is something to know beside the numbers;
     `notes(dataset, cases)`: what to know about the cases beside the numbers, in sentences;
-    `details`: metrics that only the cases have, no summary; `conditions(dataset, cases)` -> {case: what it was like}.
+    `details`: metrics that only the cases have, no summary; `conditions(dataset, cases)` -> {case: what it was like};
+    `summaries(dataset, cases)` -> {summary: its cases}, "all" first;
+    `further`: metrics of `statistics` that stand in a second table, so that the first stays readable;
+    `relate(scores, do_nothing, oracle)` -> the scores of a case by algorithm with the metrics `relative` added, which
+    compare algorithms with each other: where the benchmark has an oracle, else there are none of these;
+    `findings(dataset, scores)` -> {name: {"caption", "head", "rows"}}: small tables over all cases, {case: scores by
+    algorithm}, that go into the provenance and below the tables; a cell is a text, a number or None.
     """
 
     name: str
@@ -54,6 +60,11 @@ class Task:
     notes: Callable[[Dataset, list[str]], list[str]] = lambda dataset, cases: []
     details: tuple[str, ...] = ()
     conditions: Callable[[Dataset, list[str]], dict[str, dict]] = lambda dataset, cases: {}
+    summaries: Callable[[Dataset, list[str]], dict[str, list[str]]] = lambda dataset, cases: {"all": cases}
+    further: tuple[str, ...] = ()
+    relate: Callable[[Scores, str, str], Scores] = lambda scores, do_nothing, oracle: scores
+    relative: tuple[str, ...] = ()
+    findings: Callable[[Dataset, dict[str, Scores]], dict[str, dict]] = lambda dataset, scores: {}
 
 
 def sensor_keywords(frame: Frame) -> dict:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 LEAST_CYCLES = 4.0  # in the window: below, the lamp's fall-off is what differs
+FINEST_CYCLES_PER_PX = 0.25  # of charts: above, noise and the pixels' own blur decide
+_CHART_BINS, _RIM_PX = 4, 2
 
 
 @dataclass(frozen=True)
@@ -72,3 +74,35 @@ def transfer_error(truth: Transfer, estimate: Transfer, *, most_noise: float = 0
     if not np.any(known):
         return float("nan")
     return 100 * float(np.mean(np.abs(estimate.value[known] / truth.value[known] - 1)))
+
+
+def chart_transfer(picture: np.ndarray, reference: np.ndarray, *, inside: np.ndarray) -> float:
+    """Return how much of a chart's contrast is left, relative to the reference: a number up to 1.
+
+    `picture`, `reference` (H, W) linear; `inside` (H, W) bool, where the chart is seen; 2 px of its rim stay out. Mean
+    of `transfer` over four bins, evenly spaced in the logarithm, from 4 cycles in the chart's smaller side to 0.25
+    cycles/px; more than the reference's contrast counts as 1 in each bin, so that an overshoot in one does not make up
+    for a loss in another. NaN where the chart is smaller than 32 px, 0 for a picture that is black on the chart.
+
+    Valid: noise that has nothing to do with the pattern adds an error that falls with the root of the chart's pixels
+    and with the contrast of its bars, and no bias save that of the limit.
+    """
+    from scipy import ndimage
+
+    inside = ndimage.binary_erosion(inside, iterations=_RIM_PX)
+    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    size_px = min(np.ptp(rows), np.ptp(columns)) + 1 if len(rows) else 0
+    coarsest = LEAST_CYCLES / max(size_px, 1)
+    if coarsest > FINEST_CYCLES_PER_PX / 2:
+        return float("nan")
+    window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    inside = inside[window]
+    # what lies beside the chart gets the chart's mean: it is no part of the pattern
+    found, true = (np.where(inside, one[window], one[window][inside].mean()) for one in (picture, reference))
+    if true.mean() <= 0:
+        return float("nan")
+    if found.mean() <= 0:
+        return 0.0
+    edges = np.geomspace(coarsest, FINEST_CYCLES_PER_PX, _CHART_BINS + 1)
+    values = transfer(found, true, edges=edges).value
+    return float(np.mean(np.minimum(values[np.isfinite(values)], 1.0)))

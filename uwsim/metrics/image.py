@@ -17,7 +17,8 @@ def check_image(image: np.ndarray, *, where: str, minimum_px: int = 1) -> None:
         raise ValueError(f"{where}: got {image.shape[:2]} px, allowed: both sides >= {minimum_px} px")
 
 
-def _check_pair(reference: np.ndarray, image: np.ndarray, *, where: str, minimum_px: int = 1) -> None:
+def check_pair(reference: np.ndarray, image: np.ndarray, *, where: str, minimum_px: int = 1) -> None:
+    """Raise ValueError unless both are as `check_image` wants them, and of one shape."""
     check_image(reference, where=f"{where} reference", minimum_px=minimum_px)
     check_image(image, where=f"{where} image", minimum_px=minimum_px)
     if reference.shape != image.shape:
@@ -29,7 +30,7 @@ def mse(reference: np.ndarray, image: np.ndarray) -> float:
 
     Both (H, W, 3) uint8 sRGB of one shape, else ValueError. No gain or offset is fitted.
     """
-    _check_pair(reference, image, where="mse")
+    check_pair(reference, image, where="mse")
     return float(np.mean((reference.astype(np.float64) - image) ** 2))
 
 
@@ -41,7 +42,7 @@ def psnr(reference: np.ndarray, image: np.ndarray) -> float:
 
     Source: Wang and Bovik, IEEE Signal Processing Magazine 26(1), 2009.
     """
-    _check_pair(reference, image, where="psnr")
+    check_pair(reference, image, where="psnr")
     error = mse(reference, image)
     return math.inf if error == 0 else 10 * math.log10(DATA_RANGE**2 / error)
 
@@ -58,7 +59,7 @@ def ssim(reference: np.ndarray, image: np.ndarray) -> float:
     """
     from skimage.metrics import structural_similarity
 
-    _check_pair(reference, image, where="ssim", minimum_px=SSIM_WINDOW_PX)
+    check_pair(reference, image, where="ssim", minimum_px=SSIM_WINDOW_PX)
     value = structural_similarity(
         reference, image, win_size=SSIM_WINDOW_PX, data_range=DATA_RANGE, channel_axis=2,
         gaussian_weights=False, use_sample_covariance=True, K1=0.01, K2=0.03,

@@ -3,6 +3,7 @@
 from uwsim.bench.page.markup import cell, escape, paragraph, sortable_table
 from uwsim.bench.page.plots import score_plots
 from uwsim.bench.records import TITLES, Record, Result, column_title, role, summary_names, table, text
+from uwsim.bench.records import cell as words
 from uwsim.dataset.store import Dataset
 
 PLOTTED = {
@@ -18,6 +19,9 @@ def benchmark(result: Result, dataset: Dataset) -> str:
     definition = result.provenance.get("definition", {})
     parts = [f"<h3>{escape(result.benchmark)}</h3>", paragraph(definition.get("description", ""))]
     parts += [summary_table(result, case) for case in summary_names(result)]
+    if result.provenance.get("further"):
+        parts.append(summary_table(result, "all", further=True))
+    parts += [_finding(finding) for finding in result.provenance.get("findings", {}).values()]
     parts.append(paragraph(_how(result), "note"))
     parts += [paragraph(f"{note[0].upper()}{note[1:]}.", "note") for note in result.provenance.get("cameras", [])]
     plotted = PLOTTED.get(definition.get("task", result.benchmark), ())
@@ -25,9 +29,17 @@ def benchmark(result: Result, dataset: Dataset) -> str:
     return "".join(parts)
 
 
-def summary_table(result: Result, case: str) -> str:
+def _finding(finding: dict) -> str:
+    heads = [(text, number > 0) for number, text in enumerate(finding["head"])]
+    rows = [
+        [cell(escape(words(value)), numeric=not isinstance(value, str)) for value in row] for row in finding["rows"]
+    ]
+    return sortable_table(heads, rows, finding["caption"], kind="short")
+
+
+def summary_table(result: Result, case: str, *, further: bool = False) -> str:
     """Return a summary: one row per algorithm, do-nothing and oracle marked, the best method in bold."""
-    head, rows = table(result, case)
+    head, rows = table(result, case, further=further)
     heads = [("algorithm", False), ("given", False), *((column_title(record), True) for record in head)]
     best = [_best(result, [row[index] for row in rows]) for index in range(len(head))]
     body = []
@@ -36,7 +48,8 @@ def summary_table(result: Result, case: str) -> str:
         badge = f'<span class="badge">{escape(kind)}</span>' if kind else ""
         cells = [cell(escape(row[0].algorithm) + badge), cell(escape(", ".join(row[0].given) or "-"))]
         body.append(cells + [_score(record, record is best[index]) for index, record in enumerate(row)])
-    return sortable_table(heads, body, f"{result.benchmark}, {_WHICH.get(case, case)}")
+    which = f"{_WHICH.get(case, case)}{', further scores' if further else ''}"
+    return sortable_table(heads, body, f"{result.benchmark}, {which}")
 
 
 def cases_table(result: Result) -> str:

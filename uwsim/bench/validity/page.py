@@ -24,7 +24,8 @@ def check(name: str, *, algorithms: list[str] | None) -> None:
     """Raise ValueError unless a benchmark has a page, and all of its algorithms take part."""
     if name not in (GRID, experiment.NAME) or algorithms:
         got = f"{name} with {', '.join(algorithms)} alone" if algorithms else name
-        raise ValueError(f"--out: got {got}, allowed: {GRID} and {experiment.NAME} with all their algorithms")
+        allowed = f"{GRID} and {experiment.NAME} with all their algorithms, and restoration"
+        raise ValueError(f"--out: got {got}, allowed: {allowed}")
 
 
 def write(folder: Path, *, result: Result, dataset: Dataset) -> Path:
