@@ -92,9 +92,9 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="small frames: shows that it runs")
     parser.add_argument("--json", help="where to write the records; - for standard output")
     arguments = parser.parse_args()
-    frames, rounds = (4, 1) if arguments.quick else (16, 2)
+    frames, rounds = (4, 1) if arguments.quick else (12, 2)
     shape = (
-        {"width": 32, "height": 24, "samples": 8} if arguments.quick else {"width": 320, "height": 240, "samples": 128}
+        {"width": 32, "height": 24, "samples": 8} if arguments.quick else {"width": 320, "height": 240, "samples": 48}
     )
     seconds, files, records = {name: [] for name in WAYS}, [], []
     with tempfile.TemporaryDirectory() as folder:
