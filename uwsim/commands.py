@@ -233,6 +233,7 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
     """
     from uwsim import discovery
     from uwsim.bench import restoration as bench
+    from uwsim.bench.restoration.scores import no_reference_scores
     from uwsim.bench.task import Case
     from uwsim.images import read_srgb, write_png
     from uwsim.restoration import algorithms
@@ -254,7 +255,7 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
     for done, (path, picture) in enumerate(zip(images, pictures, strict=True)):
         report(f"{name}: {path.name}", done, len(images))
         output, elapsed_ms = bench.restored(module, name, (), Case(str(path), picture, makers={}, truth=None))
-        before, after = _no_reference(picture), _no_reference(output)
+        before, after = no_reference_scores(picture), no_reference_scores(output)
         scores = {key: {"before": before[key], "after": after[key]} for key in before}
         rows.append({"image": path.name, "method": name, "milliseconds": elapsed_ms} | scores)
         restored.append(output)
@@ -262,12 +263,6 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
     for file, picture in zip(names, restored, strict=True):
         write_png(out / file, picture)
     return rows
-
-
-def _no_reference(picture) -> dict[str, float]:
-    from uwsim.metrics import uciqe, uiqm
-
-    return {"uciqe_o": uciqe.uciqe_o(picture), "uiqm_f": uiqm.uiqm_f(picture), "uiqm_m": uiqm.uiqm_m(picture)}
 
 
 def restoration_table(rows: list[dict]) -> str:

@@ -11,12 +11,12 @@ methods; `times_clahe` is the median of the ratios within a round. `wall_millise
 
 import argparse
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
+import command
 import document
 
 FULL, QUICK = (640, 480), (160, 120)
@@ -32,7 +32,6 @@ name = "chart"
 scene = "tank_usaf"
 frames = 1
 """
-COMMAND = "from uwsim import cli; cli.main()"
 REFERENCE = "clahe"
 
 
@@ -50,8 +49,7 @@ def rendered(folder: Path, size: tuple[int, int]) -> Path:
     """Render one frame of tank_usaf by the command line; return the dataset's folder."""
     recipe, out = folder / "restoration_speed.toml", folder / "dataset"
     recipe.write_text(RECIPE.format(width=size[0], height=size[1]), encoding="utf-8")
-    arguments = ["generate", str(recipe), "--out", str(out)]
-    subprocess.run([sys.executable, "-c", COMMAND, *arguments], check=True, stdout=subprocess.DEVNULL)
+    command.generate(recipe, out)
     return out
 
 

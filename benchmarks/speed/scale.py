@@ -11,12 +11,12 @@ rest (scene, sensor, labels, writing). Let nothing else run meanwhile.
 
 import argparse
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
+import command
 import document
 
 RECIPE = """
@@ -35,16 +35,14 @@ frames = {frames}
 "water.particle_factor" = {{ distribution = "log_uniform", low = 1.0, high = 10.0 }}
 """
 WAYS = {"1 x 1": (1, 1), "1 x 2": (1, 2), "2 x 1": (2, 1)}  # workers x threads of each
-COMMAND = "from uwsim import cli; cli.main()"
 
 
 def generated(recipe: Path, out: Path, *, workers: int, threads: int) -> tuple[float, dict]:
     """Return seconds on the wall of a generation, and the checksums of its files."""
     from uwsim.dataset import store
 
-    arguments = ["generate", str(recipe), "--out", str(out), "--workers", str(workers), "--threads", str(threads)]
     started = time.perf_counter()
-    subprocess.run([sys.executable, "-c", COMMAND, *arguments], check=True, stdout=subprocess.DEVNULL)
+    command.generate(recipe, out, "--workers", str(workers), "--threads", str(threads))
     return time.perf_counter() - started, store.open(out).manifest["files"]
 
 

@@ -153,9 +153,7 @@ def markdown(result: Result) -> str:
     if result.provenance.get("further"):
         parts.append(_summary(f"{result.benchmark}, further scores", result, *table(result, further=True)))
     for finding in result.provenance.get("findings", {}).values():
-        parts.append(
-            _section(finding["caption"], finding["head"], [map(cell, row) for row in finding["rows"]], texts=1)
-        )
+        parts.append(f"### {finding['caption']}\n\n{finding_table(finding)}\n")
     parts += [f"Note: {text}.\n" for text in result.provenance.get("cameras", [])]
     return "\n".join(parts)
 
@@ -166,13 +164,19 @@ def _summary(caption: str, result: Result, head: list[Record], rows: list[list[R
         kind = role(result, row[0].algorithm)
         name = f"{row[0].algorithm} ({kind})" if kind else row[0].algorithm
         lines.append([name, ", ".join(row[0].given) or "-", *(text(record) for record in row)])
-    return _section(caption, ["algorithm", "given", *(column_title(record) for record in head)], lines, texts=2)
+    titles = ["algorithm", "given", *(column_title(record) for record in head)]
+    return f"### {caption}\n\n{markdown_table(titles, lines, texts=2)}\n"
 
 
-def _section(caption: str, head: list[str], rows: Iterable[Iterable[str]], *, texts: int) -> str:
-    """Return a heading and a table whose columns after the first `texts` are numbers."""
-    lines = [_row(head), _row(["---"] * texts + ["---:"] * (len(head) - texts)), *(_row(row) for row in rows)]
-    return f"### {caption}\n\n" + "\n".join(lines) + "\n"
+def markdown_table(head: list[str], rows: Iterable[Iterable[str]], *, texts: int = 1) -> str:
+    """Return a Markdown table; all columns after the first `texts` are numbers."""
+    lines = [head, ["---"] * texts + ["---:"] * (len(head) - texts), *rows]
+    return "\n".join(_row(cells) for cells in lines)
+
+
+def finding_table(finding: dict) -> str:
+    """Return one of a result's `findings` as a Markdown table, without its caption."""
+    return markdown_table(finding["head"], [map(cell, row) for row in finding["rows"]])
 
 
 def cell(value: str | float | None) -> str:

@@ -1,6 +1,6 @@
 """Run a benchmark: every algorithm on every case, scores into one Result."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -81,13 +81,16 @@ def _result(
     statistics = {key: how for key, how in task.statistics.items() if definition.oracle or key not in task.relative}
     present = [algorithm for algorithm in chosen if not algorithm.missing]
     records = [
-        record for name in cases for record in _records(name, present, found[name], (*statistics, *task.details))
+        record
+        for name in cases
+        for algorithm in present
+        for record in case_records(name, algorithm, found[name][algorithm.name], (*statistics, *task.details))
     ]
     summaries = task.summaries(dataset, cases)
     for summary, members in summaries.items():
         for algorithm in chosen:
             scores = [] if algorithm.missing else [found[name][algorithm.name] for name in members]
-            records += _summary(statistics, summary, algorithm, scores)
+            records += summary_records(statistics, summary, algorithm, scores)
     origin = _provenance(definition, dataset, quick=quick, cases=len(cases)) | {"statistics": statistics}
     origin |= {"summaries": list(summaries), "cameras": task.notes(dataset, cases)}
     extra = {
@@ -105,13 +108,12 @@ def _related(task: Task, definition: Definition, found: dict[str, Scores]) -> di
     return {name: task.relate(scores, definition.do_nothing, definition.oracle) for name, scores in found.items()}
 
 
-def _records(case: str, algorithms: list[Algorithm], found: Scores, keys: tuple[str, ...]) -> list[Record]:
-    records = []
-    for algorithm in algorithms:
-        scores = found[algorithm.name]
-        blanks = [_blank(case, algorithm, key, scores.get("note", "") if key == keys[0] else "") for key in keys]
-        records += [record_from_score(blank, scores[blank.metric]) for blank in blanks]
-    return records
+def case_records(case: str, algorithm: Algorithm, scores: dict, metrics: Iterable[str]) -> list[Record]:
+    """Return the records of an algorithm's scores of a case; a `note` of the scores goes with the first metric."""
+    notes = {next(iter(metrics)): scores.get("note", "")}
+    return [
+        record_from_score(_blank(case, algorithm, metric, notes.get(metric, "")), scores[metric]) for metric in metrics
+    ]
 
 
 def _scored(
@@ -198,7 +200,8 @@ def _blank(case: str, algorithm: Algorithm, metric: str, note: str = "") -> Reco
     return Record(case, algorithm.name, algorithm.given, metric, None, unit, better, note)
 
 
-def _summary(statistics: dict[str, str], case: str, algorithm: Algorithm, scores: list[dict]) -> list[Record]:
+def summary_records(statistics: dict[str, str], case: str, algorithm: Algorithm, scores: list[dict]) -> list[Record]:
+    """Return the records of a summary of an algorithm's scores: {metric: "median" or "mean"} over its cases."""
     records = []
     for metric, statistic in statistics.items():
         if algorithm.missing:

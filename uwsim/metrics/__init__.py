@@ -47,6 +47,13 @@ METRICS = {
         *(Metric(f"{layer}_psnr", "dB", "higher") for layer in LAYERS),
         *(Metric(f"{layer}_mse", "levels^2", "lower") for layer in LAYERS),
         Metric("contrast_error", "%", "lower"),
+        Metric("psnr_pseudo", "dB", "higher"),
+        Metric("ssim_pseudo", "", "higher"),
+        Metric("tags_verified", "", "higher"),
+        Metric("frames_with_two_tags_percent", "%", "higher"),
+        Metric("tags_rejected", "", "lower"),
+        Metric("homography_error_px", "px", "lower"),
+        Metric("pose_error_px", "px", "lower"),
         Metric("milliseconds", "ms", "lower"),
     )
 }

@@ -22,25 +22,41 @@ def detect_markers(image: np.ndarray, dictionary_name: str) -> dict[int, np.ndar
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         got = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
         raise ValueError(f"detect_markers: got {got}, allowed: uint8 (H, W, 3)")
-    known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
-    if dictionary_name not in known:
-        raise ValueError(f"dictionary: got {dictionary_name!r}, allowed: {', '.join(known)}")
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary_name))
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    modules = dictionary(dictionary_name).markerSize + 2
     grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
-    found, identities, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
-    if identities is None or len(identities) == 0:
-        return {}
-    identities = np.asarray(identities).ravel().tolist()
+    found = opencv_markers(grey, dictionary_name)
+    identities = [identity for identity, _ in found]
     linear = linear_from_srgb_uint8(grey).astype(np.float64)
     return {
-        identity: refine_corners(linear, _our_pixels(corners), modules=dictionary.markerSize + 2)
-        for identity, corners in sorted(zip(identities, found, strict=True), key=lambda pair: pair[0])
+        # from OpenCV's pixels, whose centres are at integers
+        identity: refine_corners(linear, corners + 0.5, modules=modules)
+        for identity, corners in sorted(found, key=lambda pair: pair[0])
         if identities.count(identity) == 1
     }
 
 
-def _our_pixels(opencv_corners: np.ndarray) -> np.ndarray:
-    """Return OpenCV's corners (pixel centres at integers) as (4, 2) with centres at integer + 0.5."""
-    return np.asarray(opencv_corners, dtype=float).reshape(4, 2) + 0.5
+def opencv_markers(grey: np.ndarray, dictionary_name: str) -> list[tuple[int, np.ndarray]]:
+    """Return (id, corners (4, 2) [px, **centres at integers**]) of each detection in a grey (H, W) uint8 picture.
+
+    An id may come more than once. `dictionary_name`, source: as `detect_markers`; corners with OpenCV's sub-pixel
+    refinement.
+    """
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    found, identities, _ = cv2.aruco.ArucoDetector(dictionary(dictionary_name), parameters).detectMarkers(grey)
+    if identities is None:
+        return []
+    listed = np.asarray(identities).ravel().tolist()
+    return [(identity, np.reshape(four, (4, 2)).astype(float)) for identity, four in zip(listed, found, strict=True)]
+
+
+def dictionary(name: str, *, what: str = "dictionary"):
+    """Return OpenCV's dictionary of that name; ValueError for an unknown one, under the name of `what` it is."""
+    import cv2
+
+    known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+    if name not in known:
+        raise ValueError(f"{what}: got {name!r}, allowed: {', '.join(known)}")
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))

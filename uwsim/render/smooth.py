@@ -12,8 +12,8 @@ the part of `direct` that particles sent to the body. That part is denoised as l
 which keeps the texture; what comes to the body unscattered is never touched.
 
 Source: Intel Open Image Denoise (package pyoidn), filter RT, for light on bodies with their normals, which are free of
-noise, as auxiliary picture. The products of independent
-halves are those of cross-validation (Lehtinen et al. 2018, Noise2Noise, shows that noisy targets serve for the mean).
+noise, as auxiliary picture. The products of independent halves are those of cross-validation (Lehtinen et al. 2018,
+Noise2Noise, shows that noisy targets serve for the mean).
 Valid: as an estimate, which has noise of its own; a rare bright path that neither half met is in no number here.
 """
 

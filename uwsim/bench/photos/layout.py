@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.files import read_toml, shipped
+from uwsim.pose.detect import dictionary
 from uwsim.validation import validated
 
 Text = Annotated[str, Field(min_length=1)]
@@ -51,12 +52,7 @@ class Layout(BaseModel):
 
     @model_validator(mode="after")
     def _tags_agree(self):
-        import cv2
-
-        known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
-        if self.family not in known:
-            raise ValueError(f"family: got {self.family!r}, allowed: {', '.join(known)}")
-        count = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.family)).bytesList)
+        count = len(dictionary(self.family, what="family").bytesList)
         identities = [tag.id for tag in self.tags]
         if max(identities) >= count:
             raise ValueError(f"tags: got id {max(identities)}, allowed: below {count} in {self.family}")

@@ -1,7 +1,7 @@
 """Run every method that needs no truth on a folder of photographs and videos, scores into one Result."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from uwsim import provenance
@@ -11,29 +11,15 @@ from uwsim.bench.photos import tables
 from uwsim.bench.photos.folder import Content, Photograph, Video, frames_of, read_folder
 from uwsim.bench.photos.sheets import Sheets, with_tags
 from uwsim.bench.photos.tags import Found, verified_tags
-from uwsim.bench.records import Record, Result, read_result, record_from_score, summarise
+from uwsim.bench.records import Record, Result, read_result
 from uwsim.bench.restoration.scores import no_reference_scores
-from uwsim.bench.run import Algorithm, load, select
+from uwsim.bench.run import Algorithm, case_records, load, select, summary_records
 from uwsim.bench.task import Case, spread
 from uwsim.files import sha256
 from uwsim.images import read_srgb
-from uwsim.metrics import METRICS as ALL_METRICS
-from uwsim.metrics import Metric
 from uwsim.metrics import image as image_metrics
 
 Progress = Callable[[str, int, int], None]
-METRICS = ALL_METRICS | {
-    metric.name: metric
-    for metric in (
-        Metric("psnr_pseudo", "dB", "higher"),
-        Metric("ssim_pseudo", "", "higher"),
-        Metric("tags_verified", "", "higher"),
-        Metric("frames_with_two_tags_percent", "%", "higher"),
-        Metric("tags_rejected", "", "lower"),
-        Metric("homography_error_px", "px", "lower"),
-        Metric("pose_error_px", "px", "lower"),
-    )
-}
 SHOWN_FRAMES = 4
 
 
@@ -155,29 +141,16 @@ def tag_scores(found: Found) -> dict[str, float]:
 
 
 def _records(scores: _Scores, methods: list[Algorithm]) -> list[Record]:
-    records = [
-        record_from_score(_blank(case, method, metric), value)
-        for case, method, values in scores.cases for metric, value in values.items()
-    ]  # fmt: skip
+    records = [record for case, method, found in scores.cases for record in case_records(case, method, found, found)]
     for summary, found in scores.summaries.items():
-        metrics = list(next(iter(found.values()))[0])
+        statistics = {metric: _statistic(metric) for metric in next(iter(found.values()))[0]}
         for method in methods:
-            if method.missing:
-                note = f"not installed: {', '.join(method.missing)}"
-                records += [replace(_blank(summary, method, metric), note=note) for metric in metrics]
-                continue
-            for metric in metrics:
-                value, note = summarise([one[metric] for one in found[method.name]], _statistic(metric))
-                records.append(record_from_score(replace(_blank(summary, method, metric), note=note), value))
+            records += summary_records(statistics, summary, method, found.get(method.name, []))
     return records
 
 
 def _statistic(metric: str) -> str:
     return "median" if metric == "milliseconds" else "mean"
-
-
-def _blank(case: str, method: Algorithm, metric: str) -> Record:
-    return Record(case, method.name, (), metric, None, METRICS[metric].unit, METRICS[metric].better)
 
 
 def _provenance(definition: Definition, content: Content, steps: dict[str, int]) -> dict:

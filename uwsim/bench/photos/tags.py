@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from uwsim.bench.photos.layout import Layout
+from uwsim.pose.detect import opencv_markers
 
 TOLERANCE_PX = 4.0
 
@@ -58,22 +59,13 @@ def verified_tags(image: np.ndarray, layout: Layout) -> Found:
 def detected(image: np.ndarray, family: str) -> list[tuple[int, np.ndarray]]:
     """Return (id, corners (4, 2) [px, centres at integers]) of each detection; an id may come more than once.
 
-    Source: `cv2.aruco.ArucoDetector` with its sub-pixel refinement. `pose.detect` refines along the edges, the better
-    on rendered frames, but not on compressed video whose local contrast a method has raised (in the tag tank after
-    CLAHE 1.6 px from the homography against 0.9 px), and drops an id that a wrong detection shares with the right one:
-    here the layout tells them apart.
+    By OpenCV alone: `pose.detect_markers` refines along the edges, the better on rendered frames, but not on compressed
+    video whose local contrast a method has raised (in the tag tank after CLAHE 1.6 px from the homography against
+    0.9 px), and drops an id that a wrong detection shares with the right one: here the layout tells them apart.
     """
     import cv2
 
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, family))
-    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
-    corners, identities, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
-    if identities is None:
-        return []
-    listed = np.asarray(identities).ravel().tolist()
-    return [(identity, np.reshape(four, (4, 2)).astype(float)) for identity, four in zip(listed, corners, strict=True)]
+    return opencv_markers(cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY), family)
 
 
 def _largest_set(identities: Sequence[int], plane: np.ndarray, seen: np.ndarray) -> list[int]:

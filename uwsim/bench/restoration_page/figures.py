@@ -3,9 +3,9 @@
 import math
 from pathlib import Path
 
+from uwsim.bench.canvas import new_figure, save
 from uwsim.bench.restoration_page import no_reference
 from uwsim.bench.restoration_page.study import MAIN, OURS, Study, title
-from uwsim.bench.validity.figures import new_figure, save
 
 
 def gain_over_raw(study: Study, path: Path) -> None:

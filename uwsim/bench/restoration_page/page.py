@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from uwsim.bench.definition import definition_from
-from uwsim.bench.records import Result
+from uwsim.bench.records import Result, finding_table
 from uwsim.bench.restoration_page import conclusions, dissertation, figures, no_reference, sheets, tables
 from uwsim.bench.restoration_page.printed import printed
 from uwsim.bench.restoration_page.study import Study, joined, study_of, title
@@ -81,7 +81,10 @@ def _figures(study: Study) -> list[str]:
         share,
         f"![UIQM and UCIQE against PSNR, with white noise]({NO_REFERENCE})",
         "Points: methods without layers of the truth, in each water; rimmed: ours.",
-        *(tables.finding(found) for found in study.result.provenance.get("findings", {}).values()),
+        *(
+            f"{found['caption']}:\n\n{finding_table(found)}"
+            for found in study.result.provenance.get("findings", {}).values()
+        ),
     ]
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from uwsim.bench import restoration
+from uwsim.bench.canvas import new_figure
 from uwsim.bench.definition import Definition
 from uwsim.bench.restoration_page.study import Study, title
 from uwsim.bench.run import Algorithm, load
 from uwsim.bench.task import Case, spread
-from uwsim.bench.validity.figures import new_figure
 from uwsim.dataset.store import Dataset
 from uwsim.files import write_atomically
 

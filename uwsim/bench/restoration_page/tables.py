@@ -3,7 +3,7 @@
 import math
 from statistics import fmean
 
-from uwsim.bench.records import cell, column_title, number, role
+from uwsim.bench.records import column_title, markdown_table, number, role
 from uwsim.bench.restoration_page.printed import Printed, Table
 from uwsim.bench.restoration_page.study import Study, joined, title
 
@@ -23,12 +23,6 @@ _PLACES = {
 NONE = "-"
 
 
-def markdown_table(head: list[str], rows: list[list[str]], *, texts: int = 1) -> str:
-    """Return a Markdown table; all columns after the first `texts` are numbers."""
-    lines = [head, ["---"] * texts + ["---:"] * (len(head) - texts), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |" for cells in lines)
-
-
 def shown(value: float, metric: str | None = None) -> str:
     """Return a score as text: with the decimals that its metric deserves, else four digits."""
     if math.isnan(value):
@@ -36,13 +30,6 @@ def shown(value: float, metric: str | None = None) -> str:
     if math.isinf(value):
         return "identical"
     return f"{value:.{_PLACES[metric]}f}" if metric in _PLACES else number(value)
-
-
-def finding(found: dict) -> str:
-    """Return a table that the result has beside its records."""
-    return (
-        f"{found['caption']}:\n\n{markdown_table(found['head'], [[cell(one) for one in row] for row in found['rows']])}"
-    )
 
 
 def measured(study: Study) -> tuple[list[str], list[str]]:

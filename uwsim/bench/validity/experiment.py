@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from uwsim.bench.canvas import new_figure, save
 from uwsim.bench.validity import pictures
-from uwsim.bench.validity.figures import new_figure, save, shares_of
+from uwsim.bench.validity.figures import shares_of
 from uwsim.bench.validity.study import Study
 from uwsim.dataset.store import Dataset
 from uwsim.metrics.image import DATA_RANGE

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from uwsim.bench.canvas import new_figure, save
 from uwsim.bench.validity.study import FITTED, Study, title
 
 LIMITS_PERCENT = (5.0, 10.0)
@@ -15,21 +16,6 @@ SHARES = {
     "forward_scatter": ("forward scatter", "#e9c46a"), "backscatter_single": ("backscatter, once", "#e76f51"),
     "backscatter_multiple": ("backscatter, more often", "#9b2226"),
 }  # fmt: skip
-
-
-def new_figure(rows: int, columns: int, *, width: float, height: float, **keywords):
-    """Return (figure, axes (rows, columns)); width and height of one panel [inches]."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, columns, squeeze=False, **keywords)
-
-
-def save(figure, path: Path, *, dpi: int = 110) -> None:
-    """Write a PNG without date and version: the same picture has the same bytes."""
-    figure.savefig(path, dpi=dpi, metadata={"Software": None})
 
 
 def shares_of(condition: dict) -> dict[str, float]:

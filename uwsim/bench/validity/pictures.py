@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from uwsim.bench.canvas import new_figure, save
 from uwsim.bench.definition import Definition
 from uwsim.bench.validity import grain, task
-from uwsim.bench.validity.figures import new_figure, save
 from uwsim.bench.validity.study import Study, title
 from uwsim.bench.validity.truth import Truth
 from uwsim.dataset.store import Dataset

@@ -43,12 +43,9 @@ def restore(image: np.ndarray) -> np.ndarray:
     size = tuple(max(1, round(side / factor)) for side in image.shape[1::-1])
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     veil = veiling_light(small)
-    clear = {
-        name: _cleared(small, veil, ratios, ends_of_lines(small, veil, ratios)) for name, ratios in waters().items()
-    }
-    best = min(clear, key=lambda name: _colour_cast(clear[name]))
-    ratios = waters()[best]
-    found = _cleared(image, veil, ratios, ends_of_lines(small, veil, ratios))
+    ends = {name: ends_of_lines(small, veil, ratios) for name, ratios in waters().items()}
+    best = min(ends, key=lambda name: _colour_cast(_cleared(small, veil, waters()[name], ends[name])))
+    found = _cleared(image, veil, waters()[best], ends[best])
     return np.clip(colour_constancy.gray_world(np.maximum(found, 0)), 0, 1)
 
 
