@@ -237,6 +237,9 @@ def test_launches_cover_every_sample_of_every_pixel_once(monkeypatch, width, hei
 def test_an_image_that_does_not_fit_is_refused_with_the_estimate(monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: 10**9)
     memory.require_memory(width_px=320, height_px=240)
+    memory.require_memory(width_px=500, height_px=500)
+    with pytest.raises(ValueError, match=r"500 x 500 pixels need about 1\.1 GB"):
+        memory.require_memory(width_px=500, height_px=500, denoise=True)
     with pytest.raises(ValueError, match=r"image size: 16384 x 16384 pixels need about \d+\.\d GB .* 1.0 GB available"):
         memory.require_memory(width_px=16384, height_px=16384)
     monkeypatch.setattr(memory, "available_bytes", lambda: None)

@@ -42,12 +42,15 @@ def generate(
     drawn = [draw(recipe, frame, where=where) for frame in range(recipe.frames)]
     _require_separate_splits(recipe, drawn, where=where)
     scenes = [one.scene for one in drawn]
-    for scene in scenes:
+    for frame, scene in enumerate(scenes):
         truth.sensor_constants(scene)  # refuses lamps that leave a band dark
         shapes.check_files(scene)
         placement.check(scene)
         camera = scene.rig.camera
-        memory.require_memory(width_px=camera.width_px, height_px=camera.height_px, workers=side_by_side)
+        memory.require_memory(
+            width_px=camera.width_px, height_px=camera.height_px, workers=side_by_side,
+            denoise=recipe.options_of(recipe.locate(frame)[0]).denoise,
+        )  # fmt: skip
     out = Path(out)
     manifest = _begin(recipe, scenes, out, resume=resume)
     with locked(out):

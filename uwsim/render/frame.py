@@ -46,7 +46,7 @@ def render_frame(
     does not act. Where bodies move, the samples per batch are raised to a multiple of the sub-frames, as `ended` says.
     """
     view, water = view_of(scene), scene.water.optical()
-    memory.require_memory(width_px=view.width_px, height_px=view.height_px)
+    memory.require_memory(width_px=view.width_px, height_px=view.height_px, denoise=options.denoise)
     placement.check(scene)
     selfcheck.check_medium(scene, seed=seeds.integer(seed, frame, "self-check"))
     buffers = geometry.geometry(scene, view)

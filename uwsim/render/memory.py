@@ -6,6 +6,8 @@ _BYTES_PER_GB = 1e9
 # 750 measured for a whole frame at rest (1024 x 768), 1070 with orders: sums of quantities and their squares in double
 # precision, truth pictures, what is made on the way; motion and a checkpoint keep the sums of up to three pictures.
 FRAME_BYTES_PER_PIXEL = 1400
+# 720 measured more at rest, 740 in motion (800 x 600): the denoiser's own pictures and those of what it smooths
+DENOISE_BYTES_PER_PIXEL = 800
 LAUNCH_BYTES = 600_000_000  # the compiler, its kernels and the largest launch
 # control groups of version 2 and 1: folder, limit, use, what of it can be given back
 _CGROUPS = (
@@ -19,12 +21,14 @@ _CGROUPS = (
 )
 
 
-def require_memory(*, width_px: int, height_px: int, workers: int = 1) -> None:
+def require_memory(*, width_px: int, height_px: int, workers: int = 1, denoise: bool = False) -> None:
     """Raise ValueError with the estimate unless a frame of this size fits into the memory available.
 
-    workers: processes that each have one. Does nothing where the system does not say how much memory there is.
+    workers: processes that each have one. denoise: the frame is denoised (`render.smooth`). Does nothing where the
+    system does not say how much memory there is.
     """
-    needed = workers * (width_px * height_px * FRAME_BYTES_PER_PIXEL + LAUNCH_BYTES)
+    bytes_per_pixel = FRAME_BYTES_PER_PIXEL + (DENOISE_BYTES_PER_PIXEL if denoise else 0)
+    needed = workers * (width_px * height_px * bytes_per_pixel + LAUNCH_BYTES)
     available = available_bytes()
     if available is not None and needed > available:
         by = f" in {workers} processes" if workers > 1 else ""
