@@ -3,72 +3,132 @@
 A robot knows its lamps, camera and port, can measure its water, and has a range map from stereo or a map. With these
 the Jaffe-McGlamery model gives the backscatter of every pixel and what a white surface there would send to the camera.
 The image less the backscatter, over that, is the surface; light that was scattered forwards on its way to the camera is
-given back to where it came from by a few corrections, and noise is averaged out where it is all there is. The surface
-is shown as the same lamps would light it without water.
+given back to where it came from, and noise is averaged out where it is all there is. The surface is shown as the same
+lamps would light it without water.
+
+Shading and shadows are seen in the picture as long as light arrives straight; where most of it is scattered they are
+washed out, and are taken from the shape that the range map has (`relief`). The two pictures are mixed by how much of
+the light was scattered nowhere.
 
 Source: our own; the layers: McGlamery 1980, Jaffe 1990 (`formation.models.jaffe_mcglamery`); corrections: Van Cittert
 1931, Z. Physik 69:298; noise: Lee 1980 (`restoration.noise_aware`).
 Valid: light of the lamps alone, no daylight; water, lamps and range as given (no layer of the truth).
-Where the water hides the body, what is shown is the mean reflectance in the lamps' light at the given range: such
+Where the water hides the body, what is shown is the usual reflectance in the lamps' light at the given range: such
 shapes come from the range map, not from the picture.
 """
 
 import numpy as np
 
-from uwsim.restoration.lamp_view import LampLight, lamp_light
+from uwsim.restoration.lamp_view import LampLight, backscatter, excess, lamp_light, white_view
 from uwsim.restoration.noise_aware import believed, noise_excess
 
 INPUT = "linear_float32"
 NEEDS = ("range_m", "rig")
 
-CORRECTIONS = 3
+CORRECTIONS = 1
+# Chosen on restoration_tank's training layouts; lengths are shares of the picture's width.
+# Detail finer than this is given back by the light that arrived straight.
+_DETAIL = 0.02
+# of all that arrives: where less arrives straight, its detail is that of the model's errors
+_LEAST_STRAIGHT = 0.04
+# reflectance is usually about this
+_USUAL, _USUAL_STD = 0.18, 0.12
+# errors of the model per excess of multiple scattering, of the backscatter and of the light on bodies; how smooth
+_BACKSCATTER_ERROR, _ILLUMINATION_ERROR, _SMOOTH = 0.2, 1.2, 0.06
+_POSSIBLE = (-0.5, 2.0)
 # variance of rounding to 8 bit, in units of the encoded value
 _ROUNDING = 1 / 12 / 255**2
 # of the brightest white: less light says nothing
 _DARKEST = 1e-4
 
 
-def restore(image: np.ndarray, *, range_m: np.ndarray, rig: dict, corrections: int = CORRECTIONS) -> np.ndarray:
+def restore(
+    image: np.ndarray, *, range_m: np.ndarray, rig: dict, corrections: int = CORRECTIONS, shaped: bool = True
+) -> np.ndarray:
     """Return the linear image (H, W, 3) float32 in [0, 1] as it would be without the water; 0 where no body is seen.
 
     `range_m` (H, W) [m], +inf where no body is seen; `rig`: see `uwsim.bench.restoration`. `corrections`: how often
-    forward scatter is given back; each adds detail and noise. Raises ValueError for a range map of another size or not
-    above 0, a rig without lamps, and a negative number of corrections.
+    forward scatter is given back; each adds detail and noise. `shaped`: shading and shadows also from the range map.
+    Raises ValueError for a range map of another size or not above 0, a rig without lamps, and a negative number of
+    corrections.
     """
     if corrections < 0:
         raise ValueError(f"lamp_model: corrections = {corrections}, allowed: 0 or more")
-    light = lamp_light(range_m, rig)
-    surface, amplified = reflected(image - light.backscatter, light, corrections)
-    white = white_signal(light)
-    lit = white > _DARKEST * white.max()
-    noise = measured_variance(image, rig["noise"]) * (amplified / np.where(lit, white, 1)) ** 2
-    noise = np.where(lit, noise, np.inf)
-    shown = np.dstack([believed(np.where(lit, surface, 0)[..., k], noise[..., k]) for k in range(3)])
-    return np.clip(shown * light.water_free, 0, 1)
+    view = white_view(range_m, rig)
+    back = backscatter(view, rig)
+    given = {
+        "signal": image - back, "noise": measured_variance(image, rig["noise"]), "back": back,
+        "more": excess(view, rig), "corrections": corrections,
+    }  # fmt: skip
+    light = lamp_light(view, rig)
+    shown = believed_surface(light=light, **given) * light.water_free
+    if shaped:
+        straight = light.unscattered / np.maximum(light.white, np.finfo(np.float32).tiny)
+        light = lamp_light(view, rig, shaped=True)
+        by_shape = believed_surface(light=light, **given) * light.water_free
+        shown = by_shape + np.clip(straight, 0, 1) * (shown - by_shape)
+    return np.clip(shown, 0, 1).astype(np.float32)
 
 
-def reflected(signal: np.ndarray, light: LampLight, corrections: int = CORRECTIONS) -> tuple[np.ndarray, np.ndarray]:
-    """Return the reflectance (H, W, 3) seen in an image without backscatter, and how much more its fine noise is.
+def believed_surface(*, signal, light: LampLight, noise, back, more, corrections: int) -> np.ndarray:
+    """Return the reflectance (H, W, 3) as far as it can be believed, of an image less its backscatter `back`.
 
-    u <- u + q (S - H u) / (H 1) with H u = direct u + blur(scattered u) and q = direct / (H 1): where little arrives
-    unscattered there is no detail to give back. The noise of single pixels, which the blur does not reach, is thereby
-    multiplied by a <- a (1 - q^2) + q. Pixels without light stay 0.
+    `noise`: variance of the image (H, W, 3); `more` (3,): the model's excess of multiple scattering, by which it errs.
     """
-    white = white_signal(light)
-    lit = white > _DARKEST * white.max()
-    per_white = np.where(lit, 1 / np.where(lit, white, 1), 0).astype(np.float32)
-    found, amplified = signal * per_white, np.ones_like(white)
-    sharp = light.direct * per_white
+    lit = _lit(light)
+    found = reflected(signal, light, corrections)
+    found = tempered(found, np.where(lit, back / np.where(lit, light.white, 1), 0), lit, more)
+    doubted = np.maximum(light.direct, _LEAST_STRAIGHT * light.white)
+    variance = np.where(lit, noise / np.where(lit, np.square(doubted), 1), np.inf)
+    return np.dstack([believed(np.where(lit, found, 0)[..., k], variance[..., k]) for k in range(3)])
+
+
+def reflected(signal: np.ndarray, light: LampLight, corrections: int = CORRECTIONS) -> np.ndarray:
+    """Return the reflectance (H, W, 3) seen in an image without backscatter; pixels without light stay 0.
+
+    r = S - H u with H u = direct u + blur(scattered u). What is coarse in r is given back to u over H 1; what is fine,
+    which the blur does not reach, over what arrives straight, D: u <- u + smooth(r) / (H 1) + (r - smooth(r)) / D.
+    Where D is but a small part e of all, 1 / D falls to 0 again, as D / (D^2 + (e H 1)^2).
+    """
+    import cv2
+
+    lit = _lit(light)
+    least = np.square(_LEAST_STRAIGHT * light.white)
+    per_white = np.where(lit, 1 / np.where(lit, light.white, 1), 0).astype(np.float32)
+    per_straight = np.where(lit, light.direct / np.where(lit, np.square(light.direct) + least, 1), 0)
+    found = (signal * per_white).astype(np.float32)
     for _ in range(corrections):
-        again = light.direct * found + light.spread.blur(light.scattered * found)
-        found = found + sharp * (signal - again) * per_white
-        amplified = amplified * (1 - sharp * sharp) + sharp
-    return found, amplified
+        left = signal - light.direct * found - light.spread.blur(light.scattered * found)
+        coarse = cv2.GaussianBlur(left, (0, 0), _DETAIL * left.shape[1])
+        found = np.clip(found + coarse * per_white + (left - coarse) * per_straight, *_POSSIBLE).astype(np.float32)
+    return found
 
 
-def white_signal(light: LampLight) -> np.ndarray:
-    """Return what a white surface sends to the camera, (H, W, 3), forward scatter spread."""
-    return light.direct + light.spread.blur(light.scattered)
+def _lit(light: LampLight) -> np.ndarray:
+    return light.white > _DARKEST * light.white.max()
+
+
+def tempered(found: np.ndarray, veil: np.ndarray, lit: np.ndarray, more: np.ndarray) -> np.ndarray:
+    """Return a reflectance (H, W, 3) whose coarse part is drawn to the usual by as much as the model may err there.
+
+    `veil`: backscatter over the light of a white surface; `lit` (H, W, 3) bool. The mean-square estimate of a mean of
+    known spread from a value of known error.
+    """
+    drawn = np.empty_like(found)
+    for k in range(3):
+        here = _smooth(lit[..., k]) + np.float32(1e-6)
+        mean = _smooth(np.where(lit[..., k], found[..., k], 0)) / here
+        of_veil = _BACKSCATTER_ERROR * more[k] * _smooth(veil[..., k]) / here
+        of_light = _ILLUMINATION_ERROR * more[k] * np.maximum(mean, _USUAL)
+        trust = _USUAL_STD**2 / (_USUAL_STD**2 + of_veil**2 + of_light**2)
+        drawn[..., k] = found[..., k] - (1 - trust) * (mean - _USUAL)
+    return drawn
+
+
+def _smooth(image: np.ndarray) -> np.ndarray:
+    import cv2
+
+    return cv2.GaussianBlur(image.astype(np.float32), (0, 0), _SMOOTH * image.shape[1])
 
 
 def measured_variance(image: np.ndarray, noise: dict) -> np.ndarray:
