@@ -264,7 +264,7 @@ class TestFindings:
         result = run("restoration", dataset, algorithms=["clahe"], quick=True)
         text = markdown(result)
         assert "| white noise 128 x 96 |" in text
-        assert "over the means of 3 methods, and over 6 pictures" in text
+        assert "over the means of 3 methods, and over 9 pictures" in text
         assert text.index("Rank correlation") > text.index("further scores")
         assert result_from_dict(result.to_dict()) == result
 

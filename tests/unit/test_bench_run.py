@@ -115,8 +115,13 @@ def test_provenance_names_definition_dataset_and_versions(dataset):
     assert "numpy" in provenance["versions"]
 
 
-def test_quick_takes_cases_from_the_whole_dataset(dataset):
-    result = run("restoration", dataset, quick=True)
+def test_quick_takes_cases_from_the_whole_dataset(dataset, tmp_path):
+    path = tmp_path / "few.toml"
+    path.write_text(
+        'task = "restoration"\ndescription = "x"\ndataset = "x"\nalgorithms = ["none"]\ndo_nothing = "none"\n'
+        "quick_cases = 2\n"
+    )
+    result = run(str(path), dataset, quick=True)
     assert {record.case for record in result.records} == {"000000", "000003", "all"}
     assert spread(list("abcdef"), 3) in (["a", "c", "f"], ["a", "d", "f"])
     assert spread(["a"], 3) == ["a"]

@@ -105,6 +105,29 @@ class TestLight:
         np.testing.assert_array_equal(corrected, image)
 
 
+class TestVeil:
+    def planes(self, darkest):
+        """Return a picture of mean 0.5 with 2 % of pixels at a level."""
+        plane = np.full((50, 60), (0.5 - 0.02 * darkest) / 0.98, np.float32)
+        plane[-1] = darkest
+        return [plane, plane * np.float32(0.5), plane * np.float32(0.2)]
+
+    def test_is_the_darkest_over_the_mean_full_at_six_tenths(self):
+        assert core.veil(self.planes(0.15)) == pytest.approx(0.5, rel=1e-4)
+        assert core.veil(self.planes(0.32)) == core.veil(self.planes(0.45)) == 1
+        # a shadow as black as can be leaves a little of the method
+        assert core.veil(self.planes(0.0)) == pytest.approx(0.07)
+
+    def test_a_clear_picture_is_stretched_less(self):
+        planes = planes_of(hazy(darkest=0.2, brightest=0.6, transmission=0.4))
+        strong, weak = (core.fused(planes, AMBIENT, core.Steps(), strength=strength) for strength in (1.0, 0.2))
+        np.testing.assert_allclose(weak, strong**0.2, rtol=1e-5)
+        assert weak.min() > 1.2 * strong.min()
+
+    def test_of_a_black_picture(self):
+        assert core.veil([np.zeros((4, 5), np.float32)] * 3) == 0
+
+
 class TestSolved:
     def test_undoes_the_model(self):
         objects = np.linspace(0.1, 0.9, 50, dtype=np.float32).reshape(5, 10)
@@ -128,7 +151,7 @@ class TestSteps:
         whole = dual_transmission.restore(image)
         for change in (
             {"colour": False}, {"boundary": False}, {"contrast": False}, {"exponent": 0.9}, {"refine": False},
-            {"floor": 0.9}, {"clip_limit": 0.0}, {"norm": 8.0},
+            {"floor": 0.9}, {"clip_limit": 0.0}, {"norm": 8.0}, {"share": 0.001}, {"adaptive": False},
         ):  # fmt: skip
             assert np.any(dual_transmission.restore(image, **change) != whole), change
         # all channels of this picture are held
@@ -138,7 +161,7 @@ class TestSteps:
         "change",
         [
             {"boundary": False, "contrast": False}, {"exponent": 0.0}, {"floor": 1.5}, {"clip_limit": -1.0},
-            {"clip_limit": np.nan}, {"norm": 0.0}, {"colour": "no"},
+            {"clip_limit": np.nan}, {"norm": 0.0}, {"colour": "no"}, {"share": 0.0}, {"adaptive": 1},
         ],
     )  # fmt: skip
     def test_refuses(self, change):
@@ -205,6 +228,39 @@ class TestMonochromeWater:
         assert held(0.02, 0.4, 0.5) == (1, 2)
         assert held(0.3, 0.4, 0.5) == (0, 1, 2)
         assert held(0.0, 0.0, 0.0) == (0, 1, 2)
+
+    def dim(self, red):
+        """Return the channels held of a picture of green and blue bodies whose red is given in levels."""
+        green = 100 + 25 * (np.add.outer(np.arange(240) // 24, np.arange(320) // 24) % 2) + 20 * self.wave()
+        return core.held_channels([np.float32(plane) / 255 for plane in (np.clip(red, 0, 255), green, 0.8 * green)])
+
+    def wave(self):
+        return np.add.outer(np.sin(np.arange(240) / 7), np.cos(np.arange(320) / 9))
+
+    def test_a_dim_channel_is_held_for_a_picture_of_its_own(self):
+        """Setup: red bodies in a tenth of a picture with next to no red, as dim as what is not held."""
+        bodies = np.zeros((240, 320))
+        bodies[60:180, 40:110] = 45
+        assert bodies.mean() < core.DIM_SHARE * 100
+        assert self.dim(bodies) == (0, 1, 2)
+
+    @pytest.mark.parametrize("kind", ["nothing", "rim", "noise", "the green again", "veil"])
+    def test_control_a_dim_channel_is_not_held_for_less(self, kind):
+        red = np.zeros((240, 320))
+        if kind == "rim":
+            red[:, -2:] = 255
+        elif kind == "noise":
+            red = 4 + 16 * np.random.default_rng(0).standard_normal(red.shape)
+        elif kind == "the green again":
+            red = 0.3 * (25 * (np.add.outer(np.arange(240) // 24, np.arange(320) // 24) % 2) + 20 * self.wave()) + 6
+        elif kind == "veil":
+            red += np.linspace(2, 14, 320)
+        assert self.dim(red) == (1, 2)
+
+    @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (7, 3)])
+    def test_dim_channels_of_any_size(self, shape):
+        image = np.full((*shape, 3), (2, 90, 60), np.uint8)
+        assert dual_transmission.restore(image).shape == image.shape
 
     def test_an_empty_channel_is_the_mean_of_the_others(self):
         planes = {1: np.full((2, 2), 40, np.uint8), 2: np.full((2, 2), 60, np.uint8)}

@@ -54,7 +54,7 @@ def made_up(cases: dict[str, tuple[int, int]], changes=None, without=()) -> Resu
         for metric in SCORES
         if metric not in without
     ]  # fmt: skip
-    definition = read_definition("restoration")[1].model_dump(mode="json", exclude={"quick_dataset"})
+    definition = read_definition("restoration")[1].model_dump(mode="json")
     origin = {
         "definition": definition, "statistics": STATISTICS, "dataset": {"name": "made_up", "seed": 1, "sha256": ""},
         "quick": False,

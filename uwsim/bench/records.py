@@ -88,10 +88,11 @@ def read_result(path: Path) -> Result:
 
 
 def record_from_score(template: Record, score: float) -> Record:
-    """Return the record of a score: +inf stands for identical images, NaN for no estimate."""
+    """Return the record of a score: +inf stands for identical images, NaN for no estimate (or what the note says)."""
     if math.isfinite(score):
         return replace(template, value=float(score))
-    return replace(template, value=None, note="no estimate" if math.isnan(score) else "identical images")
+    reason = (template.note or "no estimate") if math.isnan(score) else "identical images"
+    return replace(template, value=None, note=reason)
 
 
 def summarise(scores: list[float], statistic: str) -> tuple[float, str]:

@@ -1,5 +1,6 @@
 """Run a benchmark: every algorithm on every case, scores into one Result."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -92,7 +93,7 @@ def _result(
             scores = [] if algorithm.missing else [found[name][algorithm.name] for name in members]
             records += summary_records(statistics, summary, algorithm, scores)
     origin = _provenance(definition, dataset, quick=quick, cases=len(cases)) | {"statistics": statistics}
-    origin |= {"summaries": list(summaries), "cameras": task.notes(dataset, cases)}
+    origin |= {"summaries": list(summaries), "cameras": task.notes(dataset, cases) + unscored_notes(found)}
     extra = {
         "conditions": task.conditions(dataset, cases), "further": list(task.further),
         "findings": task.findings(dataset, found),
@@ -202,16 +203,36 @@ def _blank(case: str, algorithm: Algorithm, metric: str, note: str = "") -> Reco
 
 def summary_records(statistics: dict[str, str], case: str, algorithm: Algorithm, scores: list[dict]) -> list[Record]:
     """Return the records of a summary of an algorithm's scores: {metric: "median" or "mean"} over its cases."""
+    if algorithm.missing:
+        reason = f"not installed: {', '.join(algorithm.missing)}"
+    else:
+        reason = "" if any(map(scored, scores)) else "; ".join(dict.fromkeys(score.get("note", "") for score in scores))
+    if reason:
+        return [_blank(case, algorithm, metric, reason) for metric in statistics]
     records = []
     for metric, statistic in statistics.items():
-        if algorithm.missing:
-            note = f"not installed: {', '.join(algorithm.missing)}"
-            records.append(_blank(case, algorithm, metric, note))
-            continue
         value, note = summarise([score[metric] for score in scores], statistic)
         record = record_from_score(_blank(case, algorithm, metric, note), value)
         records.append(record)
     return records
+
+
+def scored(scores: dict) -> bool:
+    """Return whether an algorithm has any score in a case."""
+    return not all(math.isnan(value) for metric, value in scores.items() if metric != "note")
+
+
+def unscored_notes(found: dict[str, Scores]) -> list[str]:
+    """Return in sentences which algorithms have no score at all in some cases, and why."""
+    cases: dict[tuple[str, str], list[str]] = {}
+    for case, scores in found.items():
+        for name, one in scores.items():
+            if not scored(one):
+                cases.setdefault((name, one.get("note", "no estimate")), []).append(case)
+    return [
+        f"{name} has no scores in {len(names)} of {len(found)} cases ({', '.join(names)}): {reason}"
+        for (name, reason), names in cases.items()
+    ]
 
 
 def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:

@@ -14,6 +14,10 @@ KINDS = ("srgb_uint8", "linear_float32")
 Makers = Mapping[str, Callable[[], object]]
 
 
+class NotInFrame(ValueError):
+    """A frame does not have an input that benchmarks can give: the text, one line, says which and why."""
+
+
 def needs(module: ModuleType, name: str, known: tuple[str, ...]) -> tuple[str, ...]:
     """Return the NEEDS of an algorithm file; ValueError unless each is a known input of the benchmark."""
     wanted = getattr(module, "NEEDS", ())
@@ -50,7 +54,7 @@ def prepare(module: ModuleType) -> list[str]:
 
 
 def permitted(wanted: tuple[str, ...], makers: Makers) -> dict[str, object]:
-    """Return the inputs that were asked for in NEEDS, made anew, and no others."""
+    """Return the inputs that were asked for in NEEDS, made anew, and no others; NotInFrame where one is not there."""
     return {name: own(makers[name]()) for name in wanted}
 
 
@@ -86,7 +90,8 @@ def image_call(
 ) -> tuple[object, float]:  # fmt: skip
     """Call an image method on the stored picture (H, W, 3) uint8, converted to its INPUT.
 
-    Returns (output, milliseconds). Raises ValueError if the method raises or writes into its input.
+    Returns (output, milliseconds). Raises ValueError if the method raises or writes into its input, NotInFrame for an
+    input that is not there.
     """
     kind = input_kind(module, name)
     converted = own(image) if kind == "srgb_uint8" else linear_from_srgb_uint8(image)

@@ -12,6 +12,7 @@ from uwsim.bench.page.plots import legend, styles
 from uwsim.bench.page.pose_overlay import pose_figure
 from uwsim.bench.records import Result, number, role
 from uwsim.bench.run import Algorithm, load
+from uwsim.bench.runner import NotInFrame
 from uwsim.bench.task import Case, Task
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
@@ -38,18 +39,22 @@ def restoration_section(frame: Frame, dataset: Dataset, result: Result) -> str:
     if frame.info.blur is not None:
         return section("restorations", title, paragraph("This dataset has no still frame, so nothing was restored."))
     case = restoration.case(dataset, frame.name)
-    figures = [_restored("as stored", case.image, case.truth, "the input of every method")]
+    figures, left_out = [_restored("as stored", case.image, case.truth, "the input of every method")], []
     for algorithm in runnable(result, restoration.TASK):
         if role(result, algorithm.name) == "do-nothing":  # shown as stored
             continue
-        image, _ = restoration.restored(algorithm.module, algorithm.name, algorithm.given, case)
+        try:
+            image, _ = restoration.restored(algorithm.module, algorithm.name, algorithm.given, case)
+        except NotInFrame as reason:
+            left_out.append(f" Left out: {algorithm.name}: {reason}.")
+            continue
         kind = "the oracle, " if role(result, algorithm.name) else ""
         given = ", ".join(algorithm.given) or "the picture alone"
         figures.append(_restored(algorithm.name, image, case.truth, f"{kind}given {given}"))
     twin = picture(case.truth, "The water-free twin")
     figures.append(figure(twin, "reference", "the water-free twin through the same camera, without noise"))
     text = f"Frame {frame.name}. PSNR and SSIM are taken on 8-bit sRGB against the reference; no gain is fitted."
-    return section("restorations", title, paragraph(text), grid(figures, "medium"))
+    return section("restorations", title, paragraph(text + "".join(left_out)), grid(figures, "medium"))
 
 
 def _restored(name: str, image: np.ndarray, truth: np.ndarray, note: str) -> str:

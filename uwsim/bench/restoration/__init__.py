@@ -11,7 +11,8 @@ What NEEDS may list:
   rig                   what a robot knows of itself and of its water, for the formation models, in the camera's frame:
                         {"lens": Lens, "width_px", "height_px", "response": name, "linear_per_radiance" as above,
                         "lamps": list as in frame.json, "water": as in frame.json (spectra, phase function), "noise":
-                        {"electrons": photo-electrons that make 1 (3,), "dark_variance_e2"}}
+                        {"electrons": photo-electrons that make 1 (3,), "dark_variance_e2"}}; not in frames without a
+                        lamp: methods that ask for it have no scores there
   backscatter           (H, W, 3) in the linear units of the image, without noise
   transmission          (H, W, 3), 0 where no body is seen
   forward_scatter       (H, W, 3) as backscatter
@@ -26,6 +27,7 @@ the table the rank correlations of the scores without a reference (UIQM, UCIQE) 
 white noise scores: no goals, but to be seen.
 """
 
+import math
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -85,7 +87,10 @@ def reference(frame: Frame) -> np.ndarray:
 
 
 def restored(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> tuple[np.ndarray, float]:
-    """Return (what the method makes of the picture, 8-bit sRGB; milliseconds of the call)."""
+    """Return (what the method makes of the picture, 8-bit sRGB; milliseconds of the call).
+
+    Raises NotInFrame where the case does not have an input that the method asks for.
+    """
     where = f"restoration: {name}: case {case.name}"
     output, elapsed_ms = runner.image_call(
         module, name, "restore", image=case.image, wanted=given, makers=case.makers, where=where
@@ -94,8 +99,11 @@ def restored(module: ModuleType, name: str, given: tuple[str, ...], case: Case) 
     return runner.checked_picture(output, kind=kind, shape=case.image.shape, where=where), elapsed_ms
 
 
-def score(module: ModuleType, name: str, given: tuple[str, ...], case: Still) -> dict[str, float]:
-    picture, elapsed_ms = restored(module, name, given, case)
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Still) -> dict[str, float | str]:
+    try:
+        picture, elapsed_ms = restored(module, name, given, case)
+    except runner.NotInFrame as reason:
+        return {metric: math.nan for metric in STATISTICS if metric not in SHARES} | {"note": str(reason)}
     return {**all_scores(case.targets, picture), "milliseconds": elapsed_ms}
 
 

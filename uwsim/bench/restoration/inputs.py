@@ -17,7 +17,7 @@ _LAMP_POSES = ("world_from_lamp", "world_from_leds")
 
 
 def makers(frame: Frame) -> runner.Makers:
-    """Return what makes each input, called when a method asks for it."""
+    """Return what makes each input, called when a method asks for it; NotInFrame for a rig without a lamp."""
     return {
         "range_m": partial(frame.buffer, "range"),
         "z_depth_m": partial(frame.buffer, "z_depth"),
@@ -75,6 +75,8 @@ def _linear_per_radiance(frame: Frame) -> np.ndarray:
 
 def _rig(frame: Frame) -> dict:
     info, sensor = frame.info, Constants(**sensor_keywords(frame))
+    if not info.lamps:
+        raise runner.NotInFrame("no lamp in the frame, so no rig")
     return {
         "lens": lens_of(frame), "width_px": info.camera.width_px, "height_px": info.camera.height_px,
         "response": info.camera.response, "linear_per_radiance": _linear_per_radiance(frame),

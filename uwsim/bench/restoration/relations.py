@@ -40,6 +40,7 @@ def findings(dataset: Dataset, scores: dict[str, Scores]) -> dict[str, dict]:
     methods = sorted({name for case in scores.values() for name in case})
     pooled = [one for case in scores.values() for one in case.values()]
     means = [_means([case[name] for case in scores.values() if name in case], metrics) for name in methods]
+    whole, pictures = (sum(not math.isnan(one["psnr"]) for one in some) for some in (means, pooled))
     head = [f"with {metric.upper()} over {what}" for metric in _FULL_REFERENCE for what in ("methods", "all pictures")]
     rows = [
         [metric, *(rank_correlation(of, metric, true) for true in _FULL_REFERENCE for of in (means, pooled))]
@@ -48,7 +49,7 @@ def findings(dataset: Dataset, scores: dict[str, Scores]) -> dict[str, dict]:
     return {
         "rank_correlations": {
             "caption": "Rank correlation (Spearman) of scores without a reference with scores against the truth: over "
-            f"the means of {len(methods)} methods, and over {len(pooled)} pictures, methods x cases",
+            f"the means of {whole} methods, and over {pictures} pictures, methods x cases",
             "head": ["score", *head],
             "rows": rows,
         },
@@ -66,14 +67,19 @@ def white_noise(height_px: int, width_px: int) -> np.ndarray:
 
 
 def _means(scores: list[dict], metrics: list[str]) -> dict[str, float]:
+    # NaN where a case has no score: means over other cases than those of the other methods say nothing
     return {metric: math.fsum(one[metric] for one in scores) / len(scores) for metric in (*metrics, *_FULL_REFERENCE)}
 
 
 def rank_correlation(scores: list[dict], first: str, second: str) -> float | None:
-    """Return Spearman's rank correlation of two metrics; None below 3 scores or where one of them does not vary."""
+    """Return Spearman's rank correlation of two metrics; None below 3 scores or where one of them does not vary.
+
+    A NaN among the two leaves the pair out.
+    """
     from scipy.stats import spearmanr
 
     pairs = np.array([[one[first], one[second]] for one in scores])
+    pairs = pairs[~np.isnan(pairs).any(axis=1)]
     if len(pairs) < _LEAST_METHODS or any(len(np.unique(column)) < 2 for column in pairs.T):
         return None
     return float(spearmanr(*pairs.T).statistic)

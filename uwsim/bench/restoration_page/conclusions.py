@@ -122,7 +122,8 @@ def no_reference_scores(study: Study, noise: dict[str, float]) -> str:
     """Return how the no-reference metrics rank the methods, and whom white noise beats."""
     sentences = []
     for metric in (name for name in no_reference.METRICS if name in study.of_metric):
-        scores = [study.mean(name, metric) for name in (study.raw, *study.restorers)]
+        means = [study.mean(name, metric) for name in (study.raw, *study.restorers)]
+        scores = [mean for mean in means if not math.isnan(mean)]
         beaten = sum(noise[metric] > score for score in scores)
         ranks = [(water, no_reference.rank_correlation(study, metric, water)) for water in study.waters]
         each = ", ".join(f"{title(water)} {rank:+.2f}" for water, rank in ranks if not math.isnan(rank))

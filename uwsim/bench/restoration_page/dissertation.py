@@ -61,7 +61,8 @@ def _irreproducible(study: Study, known: Printed) -> str:
     claim = known.claimed
     uiqm = max(value for number in ("3.1", "3.3", "6.5") for row in by_number[number].rows.values() for value in row)
     variants = [name for name in tables.VARIANTS["uiqm"] if name in study.of_metric]
-    largest = {metric: max(study.mean(name, metric) for name in (study.raw, *study.restorers)) for metric in variants}
+    names = [name for name in (study.raw, *study.restorers) if len(study.unscored(name)) < len(study.cases)]
+    largest = {metric: max(study.mean(name, metric) for name in names) for metric in variants}
     here = joined([f"{value:.2f} ({title(metric)})" for metric, value in largest.items()]) or "not measured"
     return "\n".join((
         "- Tables 6.1 to 6.4 have PSNR and SSIM, but no registered reference: the same chapter says that a matching "

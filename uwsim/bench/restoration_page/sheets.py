@@ -2,6 +2,7 @@
 
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from uwsim.bench.canvas import new_figure
 from uwsim.bench.definition import Definition
 from uwsim.bench.restoration_page.study import Study, title
 from uwsim.bench.run import Algorithm, load
+from uwsim.bench.runner import NotInFrame
 from uwsim.bench.task import Case, spread
 from uwsim.dataset.store import Dataset
 from uwsim.files import write_atomically
@@ -35,7 +37,7 @@ def shown_methods(study: Study, definition: Definition) -> list[Algorithm]:
 
 
 def write(study: Study, dataset: Dataset, path: Path, *, scene: str, methods: list[Algorithm]) -> None:
-    """Write the sheet of a scene as JPEG: a row per water; under each name the PSNR."""
+    """Write the sheet of a scene as JPEG: a row per water; with each name the PSNR, or why there is no picture."""
     rows = [(water, case) for water in study.waters if (case := study.case_of(scene, water)) is not None]
     width, height = dataset.frame(rows[0][1]).image.shape[1::-1]
     figure, panels = new_figure(len(rows), len(methods) + 2, width=1.75, height=1.75 * height / width + 0.28)
@@ -45,7 +47,11 @@ def write(study: Study, dataset: Dataset, path: Path, *, scene: str, methods: li
         _show(row[0], case.image, f"{title(water)}, {_psnr(study, name, study.raw)}")
         _show(row[1], case.truth, "truth, without water")
         for panel, method in zip(row[2:], methods, strict=True):
-            picture, _ = restoration.restored(method.module, method.name, method.given, case)
+            try:
+                picture, _ = restoration.restored(method.module, method.name, method.given, case)
+            except NotInFrame as reason:
+                _leave_blank(panel, title(method.name), str(reason))
+                continue
             _show(panel, picture, f"{title(method.name)}, {_psnr(study, name, method.name)}")
     write_atomically(path, lambda temporary: temporary.write_bytes(_jpeg(figure)))
 
@@ -70,4 +76,10 @@ def _psnr(study: Study, case: str, method: str) -> str:
 def _show(panel, picture: np.ndarray, text: str) -> None:
     panel.imshow(picture, interpolation="antialiased")
     panel.set_title(text, fontsize=7)
+    panel.axis("off")
+
+
+def _leave_blank(panel, name: str, reason: str) -> None:
+    panel.text(0.5, 0.5, fill(reason, 28), ha="center", va="center", fontsize=7, transform=panel.transAxes)
+    panel.set_title(name, fontsize=7)
     panel.axis("off")

@@ -143,6 +143,15 @@ class Study:
         record = self.record(case, method, metric)
         return math.nan if record is None or record.value is None else record.value
 
+    def unscored(self, method: str) -> dict[str, str]:
+        """Return {case: why} of the cases in which a method has no score at all."""
+        found = {}
+        for shot in self.cases:
+            records = [r for metric in self.of_metric if (r := self.record(shot.case, method, metric)) is not None]
+            if records and all(record.value is None and record.note != "identical images" for record in records):
+                found[shot.case] = records[0].note
+        return found
+
     def of_water(self, water: str | None) -> list[str]:
         """Return the cases of a water; of all where it is None."""
         return [shot.case for shot in self.cases if water in (None, shot.water)]

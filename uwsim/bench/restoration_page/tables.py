@@ -177,7 +177,10 @@ def not_measured(printed: Printed) -> str:
 
 
 def left_out(study: Study, printed: Printed) -> str:
-    """Return a line on every metric and water that the page asks for and the result does not have."""
+    """Return a line on every metric and water that the page asks for and the result does not have.
+
+    Also on methods without scores in some cases.
+    """
     lines = []
     if absent := measured(study)[1]:
         lines.append(f"- Not in this result, so in no table: {joined([f'`{name}`' for name in absent])}.")
@@ -185,4 +188,8 @@ def left_out(study: Study, printed: Printed) -> str:
     if absent := [water for water in wanted if water not in study.waters]:
         names = joined([title(water) for water in absent])
         lines.append(f"- No case in {names}: tables and conclusions on these waters are left out.")
+    for method in study.methods:
+        if unscored := study.unscored(method):
+            reasons = joined(list(dict.fromkeys(unscored.values())))
+            lines.append(f"- {title(method)}: no scores in {len(unscored)} of {len(study.cases)} cases: {reasons}.")
     return "\n".join(lines)

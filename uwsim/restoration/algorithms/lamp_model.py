@@ -26,7 +26,7 @@ INPUT = "linear_float32"
 NEEDS = ("range_m", "rig")
 
 CORRECTIONS = 1
-# Chosen on restoration_tank's training layouts; lengths are shares of the picture's width.
+# Chosen on training layouts of restoration_tank and on tank_small; lengths are shares of the picture's width.
 # Detail finer than this is given back by the light that arrived straight.
 _DETAIL = 0.02
 # of all that arrives: where less arrives straight, its detail is that of the model's errors
