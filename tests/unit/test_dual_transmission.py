@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from uwsim.restoration import dim_channels
 from uwsim.restoration import dual_transmission as core
 from uwsim.restoration.algorithms import dual_transmission, dual_transmission_as_printed
 
@@ -222,7 +223,7 @@ class TestMonochromeWater:
 
     def test_held_channels(self):
         def held(*levels):
-            return core.held_channels([np.full((4, 4), level, np.float32) for level in levels])
+            return dim_channels.held_channels([np.full((4, 4), level, np.float32) for level in levels])
 
         assert held(0.0, 0.4, 0.05) == (1,)
         assert held(0.02, 0.4, 0.5) == (1, 2)
@@ -232,7 +233,9 @@ class TestMonochromeWater:
     def dim(self, red):
         """Return the channels held of a picture of green and blue bodies whose red is given in levels."""
         green = 100 + 25 * (np.add.outer(np.arange(240) // 24, np.arange(320) // 24) % 2) + 20 * self.wave()
-        return core.held_channels([np.float32(plane) / 255 for plane in (np.clip(red, 0, 255), green, 0.8 * green)])
+        return dim_channels.held_channels(
+            [np.float32(plane) / 255 for plane in (np.clip(red, 0, 255), green, 0.8 * green)]
+        )
 
     def wave(self):
         return np.add.outer(np.sin(np.arange(240) / 7), np.cos(np.arange(320) / 9))
@@ -241,7 +244,7 @@ class TestMonochromeWater:
         """Setup: red bodies in a tenth of a picture with next to no red, as dim as what is not held."""
         bodies = np.zeros((240, 320))
         bodies[60:180, 40:110] = 45
-        assert bodies.mean() < core.DIM_SHARE * 100
+        assert bodies.mean() < dim_channels.DIM_SHARE * 100
         assert self.dim(bodies) == (0, 1, 2)
 
     @pytest.mark.parametrize("kind", ["nothing", "rim", "noise", "the green again", "veil"])
