@@ -193,6 +193,19 @@ class TestNoise:
         values[10:20], variance[10:20] = 9.0, np.inf
         np.testing.assert_allclose(noise_aware.believed(values, variance), 0.5, atol=1e-5)
 
+    def test_of_colours_the_noise_of_their_difference_goes_first(self):
+        grey = np.random.default_rng(5).uniform(0.2, 0.8, (12, 16)).repeat(10, axis=0).repeat(10, axis=1)
+        truth = grey[..., None] + np.array([0.1, 0.0, -0.1])
+        values = truth + 0.1 * np.random.default_rng(6).standard_normal(truth.shape)
+        variance = np.full(truth.shape, 0.01)
+        found = noise_aware.believed_colour(values, variance)
+        apart = np.dstack([noise_aware.believed(values[..., k], variance[..., k]) for k in range(3)])
+        assert np.square(found - truth).mean() < 0.6 * np.square(apart - truth).mean()
+        # without noise the values come back; what one channel does not know is not known
+        np.testing.assert_allclose(noise_aware.believed_colour(truth, np.full(truth.shape, 1e-14)), truth, atol=1e-5)
+        values[20:40], variance[20:40, :, 1] = 9.0, np.inf
+        assert np.abs(noise_aware.believed_colour(values, variance)[20:40] - truth[20:40]).max() < 0.7
+
     def test_excess_of_white_noise_beside_edges(self):
         noise = 0.03 * np.random.default_rng(4).standard_normal((120, 160))
         found = noise_aware.noise_excess(self.squares() + noise, np.full(noise.shape, 1e-4))

@@ -20,7 +20,7 @@ shapes come from the range map, not from the picture.
 import numpy as np
 
 from uwsim.restoration.lamp_view import LampLight, backscatter, excess, lamp_light, white_view
-from uwsim.restoration.noise_aware import believed, noise_excess
+from uwsim.restoration.noise_aware import believed_colour, noise_excess
 
 INPUT = "linear_float32"
 NEEDS = ("range_m", "rig")
@@ -80,7 +80,7 @@ def believed_surface(*, signal, light: LampLight, noise, back, more, corrections
     found = tempered(found, np.where(lit, back / np.where(lit, light.white, 1), 0), lit, more)
     doubted = np.maximum(light.direct, _LEAST_STRAIGHT * light.white)
     variance = np.where(lit, noise / np.where(lit, np.square(doubted), 1), np.inf)
-    return np.dstack([believed(np.where(lit, found, 0)[..., k], variance[..., k]) for k in range(3)])
+    return believed_colour(np.where(lit, found, 0), variance)
 
 
 def reflected(signal: np.ndarray, light: LampLight, corrections: int = CORRECTIONS) -> np.ndarray:
