@@ -39,8 +39,9 @@ def _by_water(study: Study, path: Path, *, label: str, value, goals: dict[str, f
             panel.axhline(goals[method], color=f"C{index}", linestyle=":", linewidth=1.2)
             text = f"goal of {title(method)}: {goals[method]:g}"
             panel.annotate(
-                text, (0, goals[method]), textcoords="offset points", xytext=(4, 3), fontsize=8, color=f"C{index}"
-            )
+                text, (1, goals[method]), xycoords=("axes fraction", "data"), textcoords="offset points",
+                xytext=(-4, 3), ha="right", fontsize=8, color=f"C{index}",
+            )  # fmt: skip
     panel.set_xticks(places, [title(water) for water in study.waters])
     panel.set(ylabel=label, xlim=(-0.3, len(study.waters) - 0.7))
     panel.grid(axis="y", color="0.9")
