@@ -178,6 +178,8 @@ def test_goals_are_held_against_the_numbers():
     assert "at most 6: met" in conclusions.time(study)
     assert "at most 6: not met" in conclusions.time(made_up_study({("milliseconds", "dual_transmission"): 3.0}))
     assert "not measured" in conclusions.time(made_up_study(without=("milliseconds",)))
+    study.result.provenance["quick"] = True
+    assert "met" not in conclusions.time(study)
 
 
 def test_rank_correlation_knows_agreement_and_contradiction():
