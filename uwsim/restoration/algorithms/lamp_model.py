@@ -36,6 +36,7 @@ _USUAL, _USUAL_STD = 0.18, 0.12
 # errors of the model per excess of multiple scattering, of the backscatter and of the light on bodies; how smooth
 _BACKSCATTER_ERROR, _ILLUMINATION_ERROR, _SMOOTH = 0.2, 1.2, 0.06
 _POSSIBLE = (-0.5, 2.0)
+_ABOUT_PX = 5
 # variance of rounding to 8 bit, in units of the encoded value
 _ROUNDING = 1 / 12 / 255**2
 # of the brightest white: less light says nothing
@@ -132,8 +133,14 @@ def _smooth(image: np.ndarray) -> np.ndarray:
 
 
 def measured_variance(image: np.ndarray, noise: dict) -> np.ndarray:
-    """Return `noise_variance`, each band raised to the noise that the image itself shows where that is more."""
-    expected = noise_variance(image, noise)
+    """Return the variance (H, W, 3) of an image's noise, raised to what the image itself shows where that is more.
+
+    `noise` as in `noise_variance`, which is of the mean about each pixel: taken of the pixel itself it would be small
+    where noise made it dark, and a mean weighted with it too dark.
+    """
+    import cv2
+
+    expected = noise_variance(cv2.blur(np.asarray(image, np.float32), (_ABOUT_PX, _ABOUT_PX)), noise)
     excess = np.dstack([noise_excess(image[..., k], expected[..., k]) for k in range(3)])
     return expected * np.square(np.maximum(excess, 1))
 
