@@ -52,6 +52,8 @@ CERTAIN = {"_BACKSCATTER_ERROR": 0.0, "_ILLUMINATION_ERROR": 0.0, "_LEAST_STRAIG
 def certain(monkeypatch):
     for name, value in CERTAIN.items():
         monkeypatch.setattr(lamp_model, name, value)
+    # the edges of so small a picture are taken for noise
+    monkeypatch.setattr(lamp_model, "measured_variance", lamp_model.noise_variance)
 
 
 def test_turns_its_own_model_around(scene, certain):
@@ -59,8 +61,7 @@ def test_turns_its_own_model_around(scene, certain):
     squares, range_m, light, _, picture = scene
     restored = lamp_model.restore(picture, range_m=range_m, rig=rig(), corrections=20, shaped=False)
     expected = np.clip(squares * light.water_free, 0, 1)
-    # 4 % are left: the edges of so small a picture are taken for a little noise
-    assert np.abs(restored - expected).max() < 0.05 * expected.max()
+    assert np.abs(restored - expected).max() < 0.04 * expected.max()
     assert np.all(restored[:4] == 0)
 
 
