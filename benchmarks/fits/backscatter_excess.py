@@ -21,7 +21,6 @@ GREEN = 1
 def excesses(folder: Path) -> list[dict]:
     """Return {frame, scattering_per_m, distance_m, range_m, excess (3 bands)} of every frame that counts."""
     from uwsim.bench.restoration.inputs import makers
-    from uwsim.bench.task import linear_buffer
     from uwsim.dataset import store
     from uwsim.restoration import lamp_view
 
@@ -33,14 +32,14 @@ def excesses(folder: Path) -> list[dict]:
         rig = makers(frame)["rig"]()
         view = lamp_view.white_view(frame.buffer("range"), rig)
         seen = view.has_body
-        model = lamp_view.backscatter(view, rig)[seen].mean(axis=0) / (1 + lamp_view.excess(view, rig))
+        model, rendered = lamp_view.modelled_backscatter(view), frame.buffer("backscatter")
         found.append(
             {
                 "frame": frame.name,
                 "scattering_per_m": float(frame.info.water.bands.scattering_per_m[GREEN]),
                 "distance_m": float(np.mean([np.linalg.norm(lamp["position_m"]) for lamp in rig["lamps"]])),
                 "range_m": float(np.median(view.range_m[seen])),
-                "excess": (linear_buffer(frame, "backscatter")[seen].mean(axis=0) / model - 1).tolist(),
+                "excess": (rendered[seen].mean(axis=0) / model[seen].mean(axis=0) - 1).tolist(),
             }
         )
     return found

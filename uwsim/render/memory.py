@@ -6,7 +6,7 @@ _BYTES_PER_GB = 1e9
 # 750 measured for a whole frame at rest (1024 x 768), 1070 with orders: sums of quantities and their squares in double
 # precision, truth pictures, what is made on the way; motion and a checkpoint keep the sums of up to three pictures.
 FRAME_BYTES_PER_PIXEL = 1400
-# 720 measured more at rest, 740 in motion (800 x 600): the denoiser's own pictures and those of what it smooths
+# 720 measured more at rest (1024 x 768), 2140 in all in motion: the denoiser's own pictures and those it smooths
 DENOISE_BYTES_PER_PIXEL = 800
 LAUNCH_BYTES = 600_000_000  # the compiler, its kernels and the largest launch
 # control groups of version 2 and 1: folder, limit, use, what of it can be given back

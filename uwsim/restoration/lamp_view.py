@@ -48,18 +48,19 @@ def lamp_light(view: View, rig: dict, *, shaped: bool = False) -> LampLight:
     `shaped`: surfaces face where the range map says and lie in each other's shadow (`relief`); else each faces the
     camera.
     Source: `formation.models.jaffe_mcglamery` (dissertation eqs. 2.29-2.36, corrected).
-    Valid: light of these lamps alone. Two numbers measured on rendered frames: light scattered on its way from the lamp
-    is at least 0.3 of that on a surface which faces the camera, also in a shadow; bodies lend each other 4 % of the
-    mean light about them.
+    Valid: light of these lamps alone. Two numbers are guesses that frames of tank_small bear out: light scattered on
+    its way from the lamp is at least 0.3 of that on a surface which faces the camera, also in a shadow; bodies lend
+    each other 4 % of the mean light about them.
     """
-    facing, view = view, _shaped(view, rig) if shaped else view
+    plain = Surface(spread(view, spectral=True), scattered=True) if shaped else None
+    view = _shaped(view, rig) if shaped else view
     rule = spread(view, spectral=True)
-    surface, plain = Surface(rule, scattered=True), Surface(spread(facing, spectral=True), scattered=shaped)
+    surface, free = Surface(rule, scattered=True), water_free(view)
     scale = np.asarray(rig["linear_per_radiance"], np.float32)
 
     def lit(camera: str) -> np.ndarray:
         widened = surface.reflected("scattered", camera)
-        if shaped:
+        if plain is not None:
             widened = np.maximum(widened, np.float32(_LEAST_SCATTERED) * plain.reflected("scattered", camera))
         return scale * (surface.reflected("unscattered", camera) + widened)
 
@@ -69,7 +70,7 @@ def lamp_light(view: View, rig: dict, *, shaped: bool = False) -> LampLight:
         direct=straight,
         scattered=scattered,
         white=straight + rule.blur(scattered),
-        water_free=scale * (water_free(view) + (_lent(view) if shaped else 0)),
+        water_free=scale * (free + _lent(free, view.has_body) if shaped else free),
         spread=rule,
     )
 
@@ -85,13 +86,13 @@ def _shaped(view: View, rig: dict) -> View:
     )
 
 
-def _lent(view: View) -> np.ndarray:
-    """Return the light that bodies lend to a white one without water, (H, W, 3)."""
+def _lent(free: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the light that bodies lend to a white one, (H, W, 3): of the lamps' own light on them without water."""
     import cv2
 
-    side = (round(_ABOUT * view.shape[1]), round(_ABOUT * view.shape[1]))
-    around = cv2.blur(water_free(view), side, borderType=cv2.BORDER_REFLECT)
-    return np.where(view.has_body[..., None], np.float32(_BETWEEN_BODIES) * around, 0)
+    side = (round(_ABOUT * seen.shape[1]), round(_ABOUT * seen.shape[1]))
+    around = cv2.blur(free, side, borderType=cv2.BORDER_REFLECT)
+    return np.where(seen[..., None], np.float32(_BETWEEN_BODIES) * around, 0)
 
 
 def backscatter(view: View, rig: dict) -> np.ndarray:
@@ -99,8 +100,13 @@ def backscatter(view: View, rig: dict) -> np.ndarray:
 
     The model's, with the `excess` of light that is scattered by large angles more than once.
     """
-    back = jaffe_mcglamery.backscatter(view, spread(view, spectral=True)) * (1 + excess(view, rig))
+    back = modelled_backscatter(view) * (1 + excess(view, rig))
     return (rig["linear_per_radiance"] * back).astype(np.float32)
+
+
+def modelled_backscatter(view: View) -> np.ndarray:
+    """Return the backscatter (H, W, 3) of the Jaffe-McGlamery model. [W m^-2 sr^-1 nm^-1]"""
+    return jaffe_mcglamery.backscatter(view, spread(view, spectral=True))
 
 
 def excess(view: View, rig: dict) -> np.ndarray:

@@ -7,8 +7,7 @@ from uwsim.bench.photos.agreement import LEAST_METHODS, Agreement, rank_agreemen
 from uwsim.bench.photos.calibration import compared, read_calibration
 from uwsim.bench.photos.folder import Content
 from uwsim.bench.records import Record, Result
-from uwsim.bench.restoration.relations import white_noise
-from uwsim.bench.restoration.scores import no_reference_scores
+from uwsim.bench.restoration.relations import noise_scores, noise_table
 
 _NOISE_PX = 256
 
@@ -38,12 +37,7 @@ def findings(content: Content, records: Iterable[Record], rival: Rival | None) -
     """Return the tables `white_noise`, `calibration`, and of each layout the comparison with `rival`, as there are."""
     found = {}
     if content.photographs:
-        scores = no_reference_scores(white_noise(_NOISE_PX, _NOISE_PX))
-        found["white_noise"] = {
-            "caption": "Warning: what white noise scores without a reference",
-            "head": ["picture", *scores],
-            "rows": [[f"white noise {_NOISE_PX} x {_NOISE_PX}", *scores.values()]],
-        }
+        found["white_noise"] = noise_table(noise_scores([(_NOISE_PX, _NOISE_PX)]))
     if table := _calibration(content):
         found["calibration"] = table
     if rival is not None:

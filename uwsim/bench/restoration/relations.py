@@ -1,6 +1,7 @@
 """What restorations come to beside each other, and what the scores without a reference are worth."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -35,7 +36,7 @@ def _shares(one: dict, raw: dict, oracle: dict | None) -> dict[str, float]:
 def findings(dataset: Dataset, scores: dict[str, Scores]) -> dict[str, dict]:
     """Return the tables `rank_correlations` and `white_noise` of the scores without a reference."""
     sizes = {(dataset.frame(name).info.camera.height_px, dataset.frame(name).info.camera.width_px) for name in scores}
-    noise = {size: no_reference_scores(white_noise(*size)) for size in sorted(sizes)}
+    noise = noise_scores(sizes)
     metrics = list(next(iter(noise.values())))
     methods = sorted({name for case in scores.values() for name in case})
     pooled = [one for case in scores.values() for one in case.values()]
@@ -53,11 +54,21 @@ def findings(dataset: Dataset, scores: dict[str, Scores]) -> dict[str, dict]:
             "head": ["score", *head],
             "rows": rows,
         },
-        "white_noise": {
-            "caption": "Warning: what white noise scores without a reference",
-            "head": ["picture", *metrics],
-            "rows": [[f"white noise {width} x {height}", *one.values()] for (height, width), one in noise.items()],
-        },
+        "white_noise": noise_table(noise),
+    }
+
+
+def noise_scores(sizes: Iterable[tuple[int, int]]) -> dict[tuple[int, int], dict[str, float]]:
+    """Return {(height_px, width_px): what white noise of that size scores without a reference}."""
+    return {size: no_reference_scores(white_noise(*size)) for size in sorted(sizes)}
+
+
+def noise_table(scores: dict[tuple[int, int], dict[str, float]]) -> dict:
+    """Return the finding `white_noise` of {(height_px, width_px): scores without a reference}."""
+    return {
+        "caption": "Warning: what white noise scores without a reference",
+        "head": ["picture", *next(iter(scores.values()))],
+        "rows": [[f"white noise {width} x {height}", *one.values()] for (height, width), one in scores.items()],
     }
 
 
