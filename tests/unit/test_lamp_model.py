@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from uwsim.camera.lens import Lens, pixel_centres
+from uwsim.images import srgb_encode
 from uwsim.restoration import noise_aware
 from uwsim.restoration.algorithms import lamp_model
 from uwsim.restoration.lamp_view import backscatter, excess, lamp_light, white_view
@@ -56,10 +57,16 @@ def certain(monkeypatch):
     monkeypatch.setattr(lamp_model, "measured_variance", lamp_model.noise_variance)
 
 
+def by_model_alone(picture, *, range_m, rig):
+    return lamp_model.restore(
+        picture, range_m=range_m, rig=rig, corrections=20, shaped=False, usual_contrast=False
+    )  # fmt: skip
+
+
 def test_turns_its_own_model_around(scene, certain):
     """With enough corrections and no noise the reflectance comes back."""
     squares, range_m, light, _, picture = scene
-    restored = lamp_model.restore(picture, range_m=range_m, rig=rig(), corrections=20, shaped=False)
+    restored = by_model_alone(picture, range_m=range_m, rig=rig())
     expected = np.clip(squares * light.water_free, 0, 1)
     assert np.abs(restored - expected).max() < 0.04 * expected.max()
     assert np.all(restored[:4] == 0)
@@ -75,7 +82,7 @@ def test_each_correction_gives_detail_back(scene, certain):
 def test_control_another_rig_is_seen(scene, wrong, certain):
     squares, range_m, light, _, picture = scene
     changed = {"absorption_per_m": 0.5, "scattering_per_m": 0.8, "offset_m": 0.05}[wrong]
-    restored = lamp_model.restore(picture, range_m=range_m, rig=rig(**{wrong: changed}), corrections=20, shaped=False)
+    restored = by_model_alone(picture, range_m=range_m, rig=rig(**{wrong: changed}))
     expected = np.clip(squares * light.water_free, 0, 1)
     assert np.abs(restored - expected).max() > 0.1 * expected.max()
 
@@ -151,6 +158,31 @@ class TestShaped:
         assert np.all(dark > 0.02 * plain.water_free[..., 1].mean())
         widened, of_plain = (one.direct - one.unscattered for one in (shaped, plain))
         assert np.all(widened[18:30, 32] > 0.29 * of_plain[18:30, 32])
+
+
+class TestUsualContrast:
+    """A chequerboard a metre away of which the water left a tenth of its contrast, whatever the model says."""
+
+    def spread_of_detail(self, scattering_per_m: float, usual_contrast: bool) -> float:
+        range_m = np.ones((HEIGHT_PX, WIDTH_PX), np.float32)
+        water = {"absorption_per_m": 0.05, "scattering_per_m": scattering_per_m, "electrons": 1e6}
+        white = lamp_light(white_view(range_m, rig(**water)), rig(**water)).white
+        # so that white is seen as 0.8
+        here = rig(**water, radiance=20.0 * 0.8 / white.max())
+        view = white_view(range_m, here)
+        rows, columns = np.mgrid[:HEIGHT_PX, :WIDTH_PX]
+        board = np.where((rows // 4 + columns // 4) % 2, 1.0, -1.0)[..., None]
+        picture = backscatter(view, here) + (0.3 + 0.03 * board) * lamp_light(view, here).white
+        found = lamp_model.restore(
+            picture.astype(np.float32), range_m=range_m, rig=here, usual_contrast=usual_contrast
+        )  # fmt: skip
+        return float(np.diff(srgb_encode(found[12:36, 16:48, 1]), axis=1).std())
+
+    def test_shown_where_little_comes_straight(self):
+        assert self.spread_of_detail(6.0, True) > 0.1 > 2 * self.spread_of_detail(6.0, False)
+
+    def test_left_alone_in_clear_water(self):
+        assert self.spread_of_detail(0.05, True) == pytest.approx(self.spread_of_detail(0.05, False), rel=0.05)
 
 
 @pytest.mark.parametrize("fault", ["size", "zero", "lamp", "corrections"])

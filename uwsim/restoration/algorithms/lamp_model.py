@@ -2,35 +2,45 @@
 
 A robot knows its lamps, camera and port, can measure its water, and has a range map from stereo or a map. With these
 the Jaffe-McGlamery model gives the backscatter of every pixel and what a white surface there would send to the camera.
-The image less the backscatter, over that, is the surface; light that was scattered forwards on its way to the camera is
-given back to where it came from, and noise is averaged out where it is all there is. The surface is shown as the same
-lamps would light it without water.
+The image without its noise, less the backscatter, over that, is the surface; light that was scattered forwards on its
+way to the camera is given back to where it came from. The surface is shown as the same lamps would light it without
+water.
 
 Shading and shadows are seen in the picture as long as light arrives straight; where most of it is scattered they are
 washed out, and are taken from the shape that the range map has (`relief`). The two pictures are mixed by how much of
-the light was scattered nowhere.
+the light was scattered nowhere. Where little light reaches the camera straight, the model does not know how much
+contrast is left of detail: the picture's own is shown instead, with that of an everyday picture (`local_contrast`).
 
 Source: our own; the layers: McGlamery 1980, Jaffe 1990 (`formation.models.jaffe_mcglamery`); corrections: Van Cittert
-1931, Z. Physik 69:298; noise: Lee 1980 (`restoration.noise_aware`).
+1931, Z. Physik 69:298; noise: Yu and Sapiro 2011 (`restoration.sliding_dct`), what is left of it: Lee 1980
+(`restoration.noise_aware`).
 Valid: light of the lamps alone, no daylight; water, lamps and range as given (no layer of the truth).
 Where the water hides the body, what is shown is the usual reflectance in the lamps' light at the given range: such
-shapes come from the range map, not from the picture.
+shapes come from the range map, not from the picture. Where contrast is the usual one, brightness is no measurement.
 """
 
 import numpy as np
 
+from uwsim.images import srgb_decode, srgb_encode
 from uwsim.restoration.lamp_view import LampLight, backscatter, excess, lamp_light, white_view
+from uwsim.restoration.local_contrast import with_usual_contrast
 from uwsim.restoration.noise_aware import believed_colour, noise_excess
+from uwsim.restoration.sliding_dct import denoised
 
 INPUT = "linear_float32"
 NEEDS = ("range_m", "rig")
 
 CORRECTIONS = 1
-# Chosen on training layouts of restoration_tank and on tank_small; lengths are shares of the picture's width.
+# Chosen on training layouts of restoration_tank, on tank_small, and on views of tank and tank_charts that are in no
+# benchmark; lengths are shares of the picture's width.
 # Detail finer than this is given back by the light that arrived straight.
-_DETAIL = 0.02
+_DETAIL = 0.01
 # of all that arrives: where less arrives straight, its detail is that of the model's errors
 _LEAST_STRAIGHT = 0.04
+# where this much arrives straight, the model's contrast of detail and the usual one count alike
+_EQUALLY_SURE, _STEEP = 0.2, 4
+# of the variance of noise, about what denoising leaves
+_NOISE_LEFT = 0.1
 # reflectance is usually about this
 _USUAL, _USUAL_STD = 0.18, 0.12
 # errors of the model per excess of multiple scattering, of the backscatter and of the light on bodies; how smooth
@@ -44,31 +54,50 @@ _DARKEST = 1e-4
 
 
 def restore(
-    image: np.ndarray, *, range_m: np.ndarray, rig: dict, corrections: int = CORRECTIONS, shaped: bool = True
-) -> np.ndarray:
+    image: np.ndarray, *, range_m: np.ndarray, rig: dict, corrections: int = CORRECTIONS, shaped: bool = True,
+    usual_contrast: bool = True,
+) -> np.ndarray:  # fmt: skip
     """Return the linear image (H, W, 3) float32 in [0, 1] as it would be without the water; 0 where no body is seen.
 
     `range_m` (H, W) [m], +inf where no body is seen; `rig`: see `uwsim.bench.restoration`. `corrections`: how often
     forward scatter is given back; each adds detail and noise. `shaped`: shading and shadows also from the range map.
+    `usual_contrast`: whether detail is shown with the usual contrast where the model does not know it.
     Raises ValueError for a range map of another size or not above 0, a rig without lamps, and a negative number of
     corrections.
     """
     if corrections < 0:
         raise ValueError(f"lamp_model: corrections = {corrections}, allowed: 0 or more")
     view = white_view(range_m, rig)
-    back = backscatter(view, rig)
-    given = {
-        "signal": image - back, "noise": measured_variance(image, rig["noise"]), "back": back,
-        "more": excess(view, rig), "corrections": corrections,
-    }  # fmt: skip
+    back, noise = backscatter(view, rig), measured_variance(image, rig["noise"])
+    seen = denoised(image, noise)
+    given = {"signal": seen - back, "noise": _NOISE_LEFT * noise, "back": back, "more": excess(view, rig)}
     light = lamp_light(view, rig)
-    shown = believed_surface(light=light, **given) * light.water_free
+    shown = believed_surface(light=light, corrections=corrections, **given) * light.water_free
+    lit = lamp_light(view, rig, shaped=True) if shaped else light
     if shaped:
-        straight = light.unscattered / np.maximum(light.white, np.finfo(np.float32).tiny)
-        light = lamp_light(view, rig, shaped=True)
-        by_shape = believed_surface(light=light, **given) * light.water_free
-        shown = by_shape + np.clip(straight, 0, 1) * (shown - by_shape)
-    return np.clip(shown, 0, 1).astype(np.float32)
+        by_shape = believed_surface(light=lit, corrections=corrections, **given) * lit.water_free
+        shown = by_shape + _share(light.unscattered, light) * (shown - by_shape)
+    shown = np.clip(shown, 0, 1)
+    if usual_contrast:
+        behind = srgb_encode(believed_surface(light=lit, corrections=0, **given) * lit.water_free)
+        sure = _sure(light)
+        encoded = sure * srgb_encode(shown) + (1 - sure) * with_usual_contrast(behind, seen, noise)
+        shown = np.where(view.has_body[..., None], srgb_decode(np.clip(encoded, 0, 1)), 0)
+    return shown.astype(np.float32)
+
+
+def _share(part: np.ndarray, light: LampLight) -> np.ndarray:
+    """Return a part of a white surface's light over all of it, (H, W, 3) in [0, 1]; 0 where there is none."""
+    return np.clip(part / np.maximum(light.white, np.finfo(np.float32).tiny), 0, 1)
+
+
+def _sure(light: LampLight) -> np.ndarray:
+    """Return how far the model knows the contrast of detail, (H, W, 1) in [0, 1]: by the light that comes straight."""
+    import cv2
+
+    straight = _share(light.direct, light).mean(axis=2)
+    power = (straight / _EQUALLY_SURE) ** _STEEP
+    return cv2.GaussianBlur(power / (1 + power), (0, 0), _DETAIL * straight.shape[1])[..., None]
 
 
 def believed_surface(*, signal, light: LampLight, noise, back, more, corrections: int) -> np.ndarray:
