@@ -4,17 +4,29 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uwsim.motion_blur.spectrum import Spectrum
+
 MINIMUM_SIDE_PX = 16
 LONGEST_BLUR_PX = 40.0
+VERDICTS = ("blur", "no blur", "not uniform")
 # spread below which an image counts as constant, as a share of its largest value: float32 round-off
 _CONSTANT_SHARE = 1e-6
 
 
 class Estimate(NamedTuple):
-    """Uniform straight motion during the exposure: length and direction (x right, **y up**, in [0, 180))."""
+    """Uniform straight motion during the exposure: length and direction (x right, **y up**, in [0, 180)).
+
+    `covariance` (2, 2) of (length_px, angle_deg) in px^2, px deg, deg^2, or None where the method has none.
+    `verdict`, one of VERDICTS: "no blur" means that none can be told from a sharp picture, "not uniform" that no
+    single straight motion explains the picture; length and angle are the best fit all the same.
+    `spectrum`: the picture's noise and texture where the method finds them, else None.
+    """
 
     length_px: float
     angle_deg: float
+    covariance: np.ndarray | None = None
+    verdict: str = "blur"
+    spectrum: Spectrum | None = None
 
 
 def grey_from_image(image: np.ndarray, *, where: str) -> np.ndarray:
