@@ -11,6 +11,8 @@ LONGEST_BLUR_PX = 40.0
 VERDICTS = ("blur", "no blur", "not uniform")
 # spread below which an image counts as constant, as a share of its largest value: float32 round-off
 _CONSTANT_SHARE = 1e-6
+# more pixels at the largest value cannot be the picture's own; a tenth shortens the blur found by a few percent
+SATURATED_SHARE = 0.1
 
 
 class Estimate(NamedTuple):
@@ -46,6 +48,18 @@ def grey_from_image(image: np.ndarray, *, where: str) -> np.ndarray:
     if np.ptp(grey) <= _CONSTANT_SHARE * np.abs(grey).max():
         raise ValueError(f"{where}: image is constant, allowed: an image with texture")
     return grey
+
+
+def refuse_saturated(image: np.ndarray, *, where: str) -> None:
+    """Raise ValueError if more than a tenth of the pixels stand at the largest value in some channel."""
+    image = np.asarray(image)
+    full = image >= image.max()
+    share = float((full.any(axis=2) if image.ndim == 3 else full).mean())
+    if share > SATURATED_SHARE:
+        raise ValueError(
+            f"{where}: image stands at its largest value in {100 * share:.1f} % of the pixels (saturated: not linear), "
+            f"allowed: {100 * SATURATED_SHARE:.0f} %"
+        )
 
 
 def longest_length_px(shape: tuple[int, ...]) -> float:

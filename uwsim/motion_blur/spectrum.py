@@ -10,25 +10,28 @@ import numpy as np
 
 REFERENCE_FREQUENCY = 0.1  # cycles per pixel: where the amplitude of the power law is quoted
 NYQUIST_FREQUENCY = 0.5
-TEXTURE_TERMS = 12
+TEXTURE_TERMS = 14
 # orders of the periodic terms in the direction of the frequency; odd ones cannot be: a real picture's spectrum is even
 _ORDERS = (2, 4)
 
 
 def texture_terms(u: np.ndarray, v: np.ndarray, *, lowest_frequency: float) -> np.ndarray:
-    """Return the terms of ln S_f at frequencies u, v of any (broadcast) shape (...): (..., 12) float64.
+    """Return the terms of ln S_f at frequencies u, v of any (broadcast) shape (...): (..., 14) float64.
 
     With r the distance from frequency 0, at least `lowest_frequency` (> 0), phi its direction (x right, y up) and
-    x = ln(r / 0.1): 1, -x, x^2, -(r / 0.5)^2, then cos m phi, sin m phi, x cos m phi, x sin m phi for m = 2 and 4.
+    x = ln(r / 0.1): 1, -x, x^2, -(r / 0.5)^2, then cos m phi, sin m phi, x cos m phi, x sin m phi for m = 2 and 4, then
+    -(r / 0.5)^2 times cos 2 phi and sin 2 phi: with the fourth, a Gaussian roll-off that is an ellipse.
     """
     u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
     r = np.maximum(np.hypot(u, v), lowest_frequency)
     x = np.log(r / REFERENCE_FREQUENCY)
     phi = np.arctan2(-v, u)
-    terms = [np.ones_like(x), -x, x**2, -((r / NYQUIST_FREQUENCY) ** 2)]
+    roll_off = -((r / NYQUIST_FREQUENCY) ** 2)
+    terms = [np.ones_like(x), -x, x**2, roll_off]
     for order in _ORDERS:
         cosine, sine = np.cos(order * phi), np.sin(order * phi)
         terms += [cosine, sine, x * cosine, x * sine]
+    terms += [roll_off * np.cos(2 * phi), roll_off * np.sin(2 * phi)]
     return np.stack(terms, axis=-1)
 
 
