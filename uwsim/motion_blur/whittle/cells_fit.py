@@ -7,9 +7,6 @@ from uwsim.motion_blur.whittle.model import FILL, NOISE, RIGHT, STATIC, TEXTURE,
 from uwsim.motion_blur.whittle.periodogram import Cells
 from uwsim.motion_blur.whittle.steps import bounded, shortened, step_of
 
-# static share and zero fill begin where a start that is not yet right can still move, and are held loosely
-SHARE_START_LN = -5.0
-_SHARE_STRENGTH = 5.0
 # means of several frequencies scatter less than one
 _CLIP = 3.0
 _HEAD = [RIGHT, UP, NOISE, STATIC, FILL]
@@ -17,16 +14,14 @@ _DAMPING = 1e-2
 
 
 def fit_cells(
-    cells: Cells, power: np.ndarray, parameters: np.ndarray, *, steps: int, limit_px: float, prior, moving: bool = True
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (parameters (S, 19), losses (S,) [nats]) after some steps from parameters (S, 19).
+    cells: Cells, power: np.ndarray, parameters: np.ndarray, *, free: np.ndarray, steps: int, limit_px: float, prior
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (parameters (S, 19), losses (S,) [nats], informative (S,)) after some steps from parameters (S, 19).
 
-    `power` (C,): mean of the periodogram over each cell. With `moving` False the displacement stays as it is.
+    `power` (C,): mean of the periodogram over each cell. Only parameters with indices `free` move. Informative is the
+    number of frequencies that the texture rules, those that noise covers counting less.
     """
-    free = np.arange(model.PARAMETERS)[0 if moving else 2 :]
-    mean, precision = (values.copy() for values in prior)
-    mean[[STATIC, FILL]], precision[[STATIC, FILL]] = SHARE_START_LN, _SHARE_STRENGTH
-    evaluate = _Evaluation(cells, power, mean, precision)
+    evaluate = _Evaluation(cells, power, *prior)
     damping = np.full(len(parameters), _DAMPING)
     losses, gradient, curvature = evaluate(parameters)
     for _ in range(steps):
@@ -40,7 +35,8 @@ def fit_cells(
         gradient = np.where(better[:, None], trial_gradient, gradient)
         curvature = np.where(better[:, None, None], trial_curvature, curvature)
         damping = np.where(better, damping / 5, damping * 10)
-    return parameters, losses
+    # the amplitude has no prior: its curvature is all the data's
+    return parameters, losses, curvature[:, TEXTURE.start, TEXTURE.start]
 
 
 class _Evaluation:

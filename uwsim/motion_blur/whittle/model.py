@@ -19,18 +19,22 @@ LIMITS = {NOISE: (-28.0, 8.0), STATIC: (-12.0, -0.1), FILL: (-12.0, 0.0)}
 # natural pictures; the amplitude is free
 _EXPONENT = 2.8
 _TEXTURE_STD = np.array([np.inf, 1, 0.3, 1] + [0.6, 0.6, 0.3, 0.3] + [0.4, 0.4, 0.2, 0.2] + [0.1, 0.1])
-_SMALL_SHARE_LN = -8.0
 # the prior stands against this many frequencies at once, so that what the texture's form gets wrong does not bend it
 TEXTURE_STRENGTH = 30.0
 SHARE_STRENGTH = 30.0
+_SHARE_LN = -8.0
+# of motion that is not uniform
+_LOOSE_SHARE_LN, _LOOSE_SHARE_STRENGTH = -5.0, 5.0
 _ELLIPSE_FREE_STD = 10.0
 
 
-def prior(*, lens_std_px: float = 0.0, ellipse_free: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def prior(
+    *, lens_std_px: float = 0.0, uniform: bool = True, ellipse_free: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (mean, precision) of the Gaussian prior of every parameter; precision 0 where nothing is known.
 
-    `lens_std_px`: standard deviation of the lens's Gaussian spot, which rolls every spectrum off.
-    `ellipse_free`: the roll-off may depend on the direction as much as it likes.
+    `lens_std_px`: standard deviation of the lens's Gaussian spot, which rolls every spectrum off. `uniform`: static
+    share and zero fill are small. `ellipse_free`: the roll-off may depend on the direction as much as it likes.
     """
     mean, precision = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
     mean[TEXTURE.start + 1] = _EXPONENT
@@ -38,7 +42,8 @@ def prior(*, lens_std_px: float = 0.0, ellipse_free: bool = False) -> tuple[np.n
     precision[TEXTURE] = TEXTURE_STRENGTH / _TEXTURE_STD**2
     if ellipse_free:
         precision[ELLIPSE] = TEXTURE_STRENGTH / _ELLIPSE_FREE_STD**2
-    mean[[STATIC, FILL]], precision[[STATIC, FILL]] = _SMALL_SHARE_LN, SHARE_STRENGTH
+    mean[[STATIC, FILL]] = _SHARE_LN if uniform else _LOOSE_SHARE_LN
+    precision[[STATIC, FILL]] = SHARE_STRENGTH if uniform else _LOOSE_SHARE_STRENGTH
     return mean, precision
 
 

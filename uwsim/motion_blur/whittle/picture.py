@@ -8,9 +8,9 @@ from uwsim.motion_blur.estimate import Estimate, longest_length_px
 from uwsim.motion_blur.whittle import model
 from uwsim.motion_blur.whittle.cells_fit import fit_cells
 from uwsim.motion_blur.whittle.fit import Fit, refine
-from uwsim.motion_blur.whittle.model import ELLIPSE, RIGHT, ROLL_OFF, STATIC, UP
+from uwsim.motion_blur.whittle.model import ELLIPSE, NOISE, RIGHT, ROLL_OFF, TEXTURE, UP
 from uwsim.motion_blur.whittle.periodogram import Frequencies, frequencies
-from uwsim.motion_blur.whittle.search import candidates
+from uwsim.motion_blur.whittle.search import LOOSE, UNIFORM, candidates
 
 # valleys fitted on all frequencies; the best of them is the answer
 CANDIDATES = 3
@@ -20,8 +20,8 @@ REAL_OVER_MODEL_STD = 2.7
 SHORTEST_PX = 1.5
 # how much better a blur must explain the picture than a texture that is smoother in one direction
 _BLUR_NATS = 15.0
-# share of the picture's power that does not move: above it, other motion than one straight uniform one
-_STATIC_SHARE = 0.03
+# nats per informative frequency that a static share and filled zeros explain in a picture that does not move as one
+_NOT_UNIFORM_NATS = 0.03
 _GATE_STEPS = 12
 _TINY = 1e-12
 
@@ -77,40 +77,45 @@ def find(grey: np.ndarray, *, lens_std_px: float = 0.0, hints_px: np.ndarray | N
     if float(power[found.fitted].max()) < _TINY:
         return None
     limit_px = longest_length_px(grey.shape)
+    hints_px = np.empty((0, 2)) if hints_px is None else np.asarray(hints_px, float)
+    options = {"limit_px": limit_px, "count": CANDIDATES, "hints_px": hints_px}
     prior = model.prior(lens_std_px=lens_std_px)
-    starts = candidates(
-        found, power, limit_px=limit_px, prior=prior, count=CANDIDATES,
-        hints_px=np.empty((0, 2)) if hints_px is None else np.asarray(hints_px, float),
-    )  # fmt: skip
-    fits = [refine(found, power, start, limit_px=limit_px, prior=prior) for start in starts]
+    loose_prior = model.prior(lens_std_px=lens_std_px, uniform=False)
+    uniform = candidates(found, power, UNIFORM, prior=prior, **options)
+    loose = candidates(found, power, LOOSE, prior=loose_prior, **options)
+    is_uniform = uniform.loss - loose.loss < _NOT_UNIFORM_NATS * loose.informative
+    starts, prior = (uniform, prior) if is_uniform else (loose, loose_prior)
+    fits = [refine(found, power, start, limit_px=limit_px, prior=prior) for start in starts.parameters]
     best = min(fits, key=lambda fit: fit.loss)
-    return Found(best, found, scale, _verdict(found, power, best, limit_px, lens_std_px))
-
-
-def _verdict(found: Frequencies, power: np.ndarray, best: Fit, limit_px: float, lens_std_px: float) -> str:
     length_px = float(np.hypot(best.parameters[RIGHT], best.parameters[UP]))
-    if length_px < SHORTEST_PX or blur_nats(found, power, best, limit_px, lens_std_px) < _BLUR_NATS:
-        return "no blur"
-    return "not uniform" if np.exp(best.parameters[STATIC]) > _STATIC_SHARE else "blur"
+    verdict = "blur" if is_uniform else "not uniform"
+    if length_px < SHORTEST_PX or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < _BLUR_NATS:
+        verdict = "no blur"
+    return Found(best, found, scale, verdict)
 
 
-def blur_nats(found: Frequencies, power: np.ndarray, best: Fit, limit_px: float, lens_std_px: float) -> float:
-    """Return how much better the fit explains the cells than no blur, with a roll-off that is any ellipse.
+def blur_nats(found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float = 0.0) -> float:
+    """Return how much better a blur explains the cells than none does, with a roll-off that is any ellipse.
 
     A short blur, below its first zero, is such a roll-off: only what lies beyond tells one from the other.
     """
     power_of_cells = found.cells.mean(power[found.fitted].astype(float))
-    right, up = best.parameters[[RIGHT, UP]]
-    bare = best.parameters.copy()
+    right, up = parameters[[RIGHT, UP]]
+    bare = parameters.copy()
     bare[[RIGHT, UP]] = 0.0
     smooth = bare.copy()
     # the Gaussian with the curvature of sinc^2 at 0
     curvature = np.pi**2 / 12
     smooth[ROLL_OFF] += curvature * (right**2 + up**2) / 2
     smooth[ELLIPSE] += curvature * np.array([(right**2 - up**2) / 2, right * up])
-    options = {"steps": _GATE_STEPS, "limit_px": limit_px}
-    free = model.prior(lens_std_px=lens_std_px, ellipse_free=True)
-    _, without = fit_cells(found.cells, power_of_cells, np.stack([bare, smooth]), prior=free, moving=False, **options)
-    held = model.prior(lens_std_px=lens_std_px)
-    _, with_blur = fit_cells(found.cells, power_of_cells, best.parameters[None], prior=held, **options)
+    free = np.array([NOISE, *range(TEXTURE.start, TEXTURE.stop)])
+    options = {"steps": _GATE_STEPS, "limit_px": np.inf}
+    _, without, _ = fit_cells(
+        found.cells, power_of_cells, np.stack([bare, smooth]), free=free,
+        prior=model.prior(lens_std_px=lens_std_px, ellipse_free=True), **options,
+    )  # fmt: skip
+    _, with_blur, _ = fit_cells(
+        found.cells, power_of_cells, parameters[None], free=np.array([RIGHT, UP, *free]),
+        prior=model.prior(lens_std_px=lens_std_px), **options,
+    )  # fmt: skip
     return float(without.min() - with_blur[0])
