@@ -13,7 +13,7 @@ TEXTURE = slice(5, 5 + TEXTURE_TERMS)
 PARAMETERS = 5 + TEXTURE_TERMS
 ROLL_OFF = TEXTURE.start + 3
 ELLIPSE = [TEXTURE.stop - 2, TEXTURE.stop - 1]  # the roll-off's part in cos 2 phi, in sin 2 phi
-LIMITS = {NOISE: (-28.0, 8.0), STATIC: (-12.0, -0.1), FILL: (-12.0, 0.0)}
+LIMITS = {NOISE: (-28.0, 8.0), STATIC: (-12.0, -0.1), FILL: (-12.0, 8.0)}
 
 # what the logarithm of a picture's spectrum looks like: mean and standard deviation of each factor, after the spectra of
 # natural pictures; the amplitude is free

@@ -6,9 +6,9 @@ import numpy as np
 
 from uwsim.motion_blur.estimate import Estimate, longest_length_px
 from uwsim.motion_blur.whittle import model
-from uwsim.motion_blur.whittle.cells_fit import fit_cells
 from uwsim.motion_blur.whittle.fit import Fit, refine
-from uwsim.motion_blur.whittle.model import ELLIPSE, NOISE, RIGHT, ROLL_OFF, TEXTURE, UP
+from uwsim.motion_blur.whittle.gate import BLUR_NATS, blur_nats
+from uwsim.motion_blur.whittle.model import RIGHT, UP
 from uwsim.motion_blur.whittle.periodogram import Frequencies, frequencies
 from uwsim.motion_blur.whittle.search import LOOSE, UNIFORM, candidates
 
@@ -18,11 +18,8 @@ CANDIDATES = 3
 REAL_OVER_MODEL_STD = 2.7
 # shorter ones cannot be told from a lens
 SHORTEST_PX = 1.5
-# how much better a blur must explain the picture than a texture that is smoother in one direction
-_BLUR_NATS = 15.0
 # nats per informative frequency that a static share and filled zeros explain in a picture that does not move as one
 _NOT_UNIFORM_NATS = 0.03
-_GATE_STEPS = 12
 _TINY = 1e-12
 
 
@@ -89,33 +86,6 @@ def find(grey: np.ndarray, *, lens_std_px: float = 0.0, hints_px: np.ndarray | N
     best = min(fits, key=lambda fit: fit.loss)
     length_px = float(np.hypot(best.parameters[RIGHT], best.parameters[UP]))
     verdict = "blur" if is_uniform else "not uniform"
-    if length_px < SHORTEST_PX or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < _BLUR_NATS:
+    if length_px < SHORTEST_PX or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < BLUR_NATS:
         verdict = "no blur"
     return Found(best, found, scale, verdict)
-
-
-def blur_nats(found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float = 0.0) -> float:
-    """Return how much better a blur explains the cells than none does, with a roll-off that is any ellipse.
-
-    A short blur, below its first zero, is such a roll-off: only what lies beyond tells one from the other.
-    """
-    power_of_cells = found.cells.mean(power[found.fitted].astype(float))
-    right, up = parameters[[RIGHT, UP]]
-    bare = parameters.copy()
-    bare[[RIGHT, UP]] = 0.0
-    smooth = bare.copy()
-    # the Gaussian with the curvature of sinc^2 at 0
-    curvature = np.pi**2 / 12
-    smooth[ROLL_OFF] += curvature * (right**2 + up**2) / 2
-    smooth[ELLIPSE] += curvature * np.array([(right**2 - up**2) / 2, right * up])
-    free = np.array([NOISE, *range(TEXTURE.start, TEXTURE.stop)])
-    options = {"steps": _GATE_STEPS, "limit_px": np.inf}
-    _, without, _ = fit_cells(
-        found.cells, power_of_cells, np.stack([bare, smooth]), free=free,
-        prior=model.prior(lens_std_px=lens_std_px, ellipse_free=True), **options,
-    )  # fmt: skip
-    _, with_blur, _ = fit_cells(
-        found.cells, power_of_cells, parameters[None], free=np.array([RIGHT, UP, *free]),
-        prior=model.prior(lens_std_px=lens_std_px), **options,
-    )  # fmt: skip
-    return float(without.min() - with_blur[0])
