@@ -45,16 +45,25 @@ def grey_from_image(image: np.ndarray, *, where: str) -> np.ndarray:
         grey = grey.mean(axis=2)
     if not np.all(np.isfinite(grey)):
         raise ValueError(f"{where}: image holds {np.sum(~np.isfinite(grey))} NaN or infinite pixels, allowed: none")
-    if np.ptp(grey) <= _CONSTANT_SHARE * np.abs(grey).max():
+    if is_constant(grey):
         raise ValueError(f"{where}: image is constant, allowed: an image with texture")
     return grey
 
 
+def is_constant(grey: np.ndarray) -> bool:
+    """Return whether an image has no texture beyond the round-off of float32."""
+    return bool(np.ptp(grey) <= _CONSTANT_SHARE * np.abs(grey).max())
+
+
+def saturated_share(image: np.ndarray, *, full: float) -> float:
+    """Return the share of the pixels of an image (H, W[, C]) in which some channel reaches the value `full`."""
+    reached = np.asarray(image) >= full
+    return float((reached.any(axis=2) if reached.ndim == 3 else reached).mean())
+
+
 def refuse_saturated(image: np.ndarray, *, where: str) -> None:
-    """Raise ValueError if more than a tenth of the pixels stand at the largest value in some channel."""
-    image = np.asarray(image)
-    full = image >= image.max()
-    share = float((full.any(axis=2) if image.ndim == 3 else full).mean())
+    """Raise ValueError if more than a tenth of the pixels stand at the largest value of the image."""
+    share = saturated_share(image, full=np.max(image))
     if share > SATURATED_SHARE:
         raise ValueError(
             f"{where}: image stands at its largest value in {100 * share:.1f} % of the pixels (saturated: not linear), "

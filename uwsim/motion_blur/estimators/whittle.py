@@ -18,15 +18,15 @@ INPUT = "linear_float32"
 NEEDS = ()
 
 
-def estimate(image: np.ndarray, *, lens_std_px: float = 0.0) -> Estimate:
+def estimate(image: np.ndarray, *, lens_std_px: float | None = None) -> Estimate:
     """Return the blur of a linear image (H, W, 3) with covariance, verdict and the picture's spectrum.
 
     Searches lengths up to 40 px (less than half a side of small images). `lens_std_px`: standard deviation of the
-    lens's spot, where it is known. "no blur": shorter than 1.5 px, or explained as well by a texture that is smoother
-    in one direction; length and angle are the best fit all the same, their covariance says how little they are worth.
+    lens's spot, where it is known. "no blur": shorter than 1.5 px, or explained as well by another lens or by a texture
+    that is smoother in one direction; length and angle are the best fit all the same.
     ValueError for images that are constant, not finite, under 16 px, or saturated in more than a tenth of their pixels.
     """
-    if not (np.isfinite(lens_std_px) and lens_std_px >= 0):
+    if lens_std_px is not None and not (np.isfinite(lens_std_px) and lens_std_px >= 0):
         raise ValueError(f"whittle: got lens_std_px {lens_std_px}, allowed: finite, >= 0")
     grey = grey_from_image(image, where="whittle")
     refuse_saturated(image, where="whittle")

@@ -9,6 +9,8 @@ from uwsim.motion_blur.whittle.steps import bounded, shortened, step_of
 
 # means of several frequencies scatter less than one
 _CLIP = 3.0
+# 1 / the form of the zero fill at the first zero
+_RAMP_AT_ZERO = np.float32(1 + np.pi**2)
 _HEAD = [RIGHT, UP, NOISE, STATIC, FILL]
 _DAMPING = 1e-2
 
@@ -47,6 +49,7 @@ class _Evaluation:
             a.astype(np.float32) for a in (cells.u, cells.v, cells.count, power, cells.terms)
         )
         self.products = (self.terms[:, :, None] * self.terms[:, None, :]).reshape(len(power), -1)
+        self.variance = np.array(cells.variance, np.float32)
         self.mean, self.precision = mean, precision
 
     def __call__(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,7 +57,10 @@ class _Evaluation:
         p = parameters.astype(np.float32)
         along = p[:, RIGHT, None] * self.u - p[:, UP, None] * self.v
         static, fill, noise = (np.exp(p[:, index, None]) for index in (STATIC, FILL, NOISE))
-        moving, slope, ramp = model.transfer(along, fill)
+        # the mean of sinc^2 over a cell is not 0 at its zeros but the variance of its argument over their order squared:
+        # a zero fill
+        spread = (p[:, [RIGHT, UP]] ** 2) @ self.variance
+        moving, slope, ramp = model.transfer(along, fill + _RAMP_AT_ZERO * spread[:, None])
         texture = np.exp(p[:, TEXTURE] @ self.terms.T)
         signal = texture * ((1 - static) * moving + static)
         total = signal + noise

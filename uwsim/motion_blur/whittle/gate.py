@@ -8,7 +8,7 @@ from uwsim.motion_blur.whittle.model import ELLIPSE, FILL, NOISE, RIGHT, ROLL_OF
 from uwsim.motion_blur.whittle.periodogram import Frequencies
 
 # how much better a blur must explain the picture than every texture without one
-BLUR_NATS = 15.0
+BLUR_NATS = 10.0
 _STEPS = 12
 # a zero fill so large that sinc^2 vanishes beside it: what is left falls off without a zero
 _RIDGE_FILL_LN = 7.0
@@ -17,7 +17,7 @@ _RIDGE_STATIC_LN = -3.0
 _RIDGE_SHARES = (0.58, 1.0)
 
 
-def blur_nats(frequencies: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float) -> float:
+def blur_nats(frequencies: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None) -> float:
     """Return how much better [nats] a blur explains the cells than textures without one do.
 
     Rivals: a Gaussian roll-off that is any ellipse, which every blur is below its first zero; and a ridge, the fall
@@ -25,7 +25,7 @@ def blur_nats(frequencies: Frequencies, power: np.ndarray, parameters: np.ndarra
     """
     cells = frequencies.cells
     power_of_cells = cells.mean(power[frequencies.fitted].astype(float))
-    held, loose = (model.prior(lens_std_px=lens_std_px, ellipse_free=free) for free in (False, True))
+    held, loose = (model.prior(lens_std_px=lens_std_px, any_lens=free) for free in (False, True))
     for prior in (held, loose):
         prior[1][[STATIC, FILL]] = 0.0
     texture = np.array([NOISE, *range(TEXTURE.start, TEXTURE.stop)])

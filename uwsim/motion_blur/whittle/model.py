@@ -25,23 +25,24 @@ SHARE_STRENGTH = 30.0
 _SHARE_LN = -8.0
 # of motion that is not uniform
 _LOOSE_SHARE_LN, _LOOSE_SHARE_STRENGTH = -5.0, 5.0
-_ELLIPSE_FREE_STD = 10.0
+_LENS_STD = 10.0
 
 
 def prior(
-    *, lens_std_px: float = 0.0, uniform: bool = True, ellipse_free: bool = False
+    *, lens_std_px: float | None = None, uniform: bool = True, any_lens: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (mean, precision) of the Gaussian prior of every parameter; precision 0 where nothing is known.
 
-    `lens_std_px`: standard deviation of the lens's Gaussian spot, which rolls every spectrum off. `uniform`: static
-    share and zero fill are small. `ellipse_free`: the roll-off may depend on the direction as much as it likes.
+    `lens_std_px`: standard deviation of the lens's Gaussian spot, which rolls every spectrum off, where it is known.
+    `uniform`: static share and zero fill are small. `any_lens`: the spot may be any ellipse; round if it is known.
     """
     mean, precision = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
     mean[TEXTURE.start + 1] = _EXPONENT
-    mean[ROLL_OFF] = (np.pi * lens_std_px) ** 2
+    mean[ROLL_OFF] = (np.pi * (lens_std_px or 0.0)) ** 2
     precision[TEXTURE] = TEXTURE_STRENGTH / _TEXTURE_STD**2
-    if ellipse_free:
-        precision[ELLIPSE] = TEXTURE_STRENGTH / _ELLIPSE_FREE_STD**2
+    if any_lens:
+        spot = ELLIPSE if lens_std_px is not None else [ROLL_OFF, *ELLIPSE]
+        precision[spot] = TEXTURE_STRENGTH / _LENS_STD**2
     mean[[STATIC, FILL]] = _SHARE_LN if uniform else _LOOSE_SHARE_LN
     precision[[STATIC, FILL]] = SHARE_STRENGTH if uniform else _LOOSE_SHARE_STRENGTH
     return mean, precision

@@ -27,6 +27,7 @@ class Cells:
     count: np.ndarray  # (C,) how many are in a cell
     u: np.ndarray  # (C,) mean
     v: np.ndarray  # (C,) mean
+    variance: tuple[float, float]  # of u, of v over a cell and through the taper
     terms: np.ndarray  # (C, 14)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
@@ -82,11 +83,14 @@ def frequencies(height_px: int, width_px: int) -> Frequencies:
     fitted = (np.hypot(u, v) >= lowest) & ~(paired & ((v < 0) & (v != -0.5)))
     sides = [tukey(side, TAPER_SHARE, sym=False) for side in (height_px, width_px)]
     inflation = float(np.prod([len(w) * (w**4).sum() / (w**2).sum() ** 2 for w in sides]))
+    leakage = tuple(_leakage(w) for w in sides)
     return Frequencies(
         u=u, v=v, fitted=fitted, lowest_frequency=lowest, taper=sides[0][:, None] * sides[1],
         terms=texture_terms(u, v, lowest_frequency=lowest).reshape(-1, TEXTURE_TERMS).astype(np.float32),
-        leakage=tuple(_leakage(w) for w in sides), inflation=inflation,
-        cells=_cells(*(np.broadcast_to(f, fitted.shape)[fitted] for f in (u, v)), lowest),
+        leakage=leakage, inflation=inflation,
+        cells=_cells(
+            *(np.broadcast_to(f, fitted.shape)[fitted] for f in (u, v)), lowest, leakage, (height_px, width_px)
+        ),
     )  # fmt: skip
 
 
@@ -96,11 +100,18 @@ def _leakage(window: np.ndarray) -> np.ndarray:
     return near / near.sum()
 
 
-def _cells(u: np.ndarray, v: np.ndarray, lowest_frequency: float) -> Cells:
+def _cells(
+    u: np.ndarray, v: np.ndarray, lowest_frequency: float, leakage: tuple[np.ndarray, np.ndarray], shape: tuple[int, int]
+) -> Cells:
     rows = np.round(v / CELL_FREQUENCY).astype(int)
     columns = np.floor(u / CELL_FREQUENCY).astype(int)
     _, index = np.unique((rows - rows.min()) * (columns.max() + 1) + columns, return_inverse=True)
     count = np.bincount(index)
     mean_u, mean_v = (np.bincount(index, weights=f) / count for f in (u, v))
+    bins = np.arange(-_LEAKAGE_REACH, _LEAKAGE_REACH + 1)
+    variance = tuple(
+        float(((f - mean[index]) ** 2).mean() + (kernel * bins**2).sum() / side**2)
+        for f, mean, kernel, side in zip((u, v), (mean_u, mean_v), leakage[::-1], shape[::-1], strict=True)
+    )
     terms = texture_terms(mean_u, mean_v, lowest_frequency=lowest_frequency)
-    return Cells(index=index, count=count.astype(float), u=mean_u, v=mean_v, terms=terms)
+    return Cells(index=index, count=count.astype(float), u=mean_u, v=mean_v, variance=variance, terms=terms)

@@ -63,7 +63,7 @@ class Found:
         )  # fmt: skip
 
 
-def find(grey: np.ndarray, *, lens_std_px: float = 0.0, hints_px: np.ndarray | None = None) -> Found | None:
+def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.ndarray | None = None) -> Found | None:
     """Return the fit of a grey picture (H, W) that is finite and not constant; None if its inner part is constant.
 
     `hints_px` (n, 2): displacements (right, up) to start from, besides the search's own.

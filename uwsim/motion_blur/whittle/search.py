@@ -20,11 +20,11 @@ APART_PX = 0.5
 # averaged frequencies rank valleys well enough that one this much worse is not the best on all of them
 MARGIN_NATS = 500.0
 _SHORTEST_START_PX = 1.5
-# averaged over a cell no zero is one
-_UNIFORM_STATIC_LN, _UNIFORM_FILL_LN = -12.0, np.log(0.02)
+_UNIFORM_STATIC_LN, _UNIFORM_FILL_LN = -12.0, np.log(0.005)
 # the lowest quarter of exponential numbers of mean 1 ends here
 _QUARTILE_OF_EXPONENTIAL = 0.2877
 _NOISE_BEYOND = 0.6  # cycles per pixel: the corners, where textures are weakest
+_TEXTURE_BELOW = 0.1  # cycles per pixel: where textures stand above noise; small pictures have few frequencies there
 _TINY = 1e-12
 
 
@@ -118,7 +118,8 @@ def _first_guess(
     parameters[:, [RIGHT, UP]] = displacements
     high = power[frequencies.fitted & (np.hypot(frequencies.u, frequencies.v) > _NOISE_BEYOND)]
     parameters[:, NOISE] = np.log(max(np.quantile(high, 0.25) / _QUARTILE_OF_EXPONENTIAL, _TINY))
-    low = np.hypot(cells.u, cells.v) < 0.1
+    r = np.hypot(cells.u, cells.v)
+    low = r <= max(_TEXTURE_BELOW, np.quantile(r, 0.1))
     along = displacements[:, :1] * cells.u[low] - displacements[:, 1:] * cells.v[low]
     moving, _, _ = model.transfer(along, np.exp(_UNIFORM_FILL_LN))
     expected = moving * np.exp(cells.terms[low] @ mean[TEXTURE])
