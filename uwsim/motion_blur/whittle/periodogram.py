@@ -16,7 +16,8 @@ TAPER_SHARE = 0.25
 LOWEST_CYCLES = 3.0
 # side of the cells of the coarse fit [cycles per pixel]: several in the stripes of the longest blur
 CELL_FREQUENCY = 1 / 85
-_LEAKAGE_REACH = 2  # bins
+# bins; what leaks from the steep lower frequencies into the zeros moves them: cut at 2, lengths come out 2 sd short
+_LEAKAGE_REACH = 8
 
 
 @dataclass(frozen=True)
@@ -60,16 +61,12 @@ class Frequencies:
         """Return the mean of the periodogram of a density (H, W // 2 + 1): neighbours mix through the taper."""
         from scipy.ndimage import correlate1d
 
-        reach = _LEAKAGE_REACH
         rows = correlate1d(density, self.leakage[0], axis=0, mode="wrap")
         mirrored = np.roll(rows[::-1], 1, axis=0)
-        columns, odd = rows.shape[1], self.taper.shape[1] % 2
-        left = mirrored[:, reach:0:-1]
-        right = mirrored[:, columns - 2 + odd : columns - 2 + odd - reach : -1]
+        columns, last, reach = rows.shape[1], (self.taper.shape[1] - 1) // 2, len(self.leakage[1]) // 2
+        left, right = (mirrored[:, first - np.arange(reach)] for first in (reach, last))
         padded = np.concatenate([left, rows, right], axis=1)
-        return sum(
-            factor * padded[:, shift : shift + columns] for shift, factor in enumerate(self.leakage[1].astype(rows.dtype))
-        )
+        return correlate1d(padded, self.leakage[1], axis=1)[:, reach : reach + columns]
 
 
 @lru_cache(maxsize=8)
@@ -96,7 +93,8 @@ def frequencies(height_px: int, width_px: int) -> Frequencies:
 
 def _leakage(window: np.ndarray) -> np.ndarray:
     power = np.abs(np.fft.fft(window)) ** 2
-    near = power[np.arange(-_LEAKAGE_REACH, _LEAKAGE_REACH + 1)]
+    reach = min(_LEAKAGE_REACH, (len(window) - 1) // 2)
+    near = power[np.arange(-reach, reach + 1)]
     return near / near.sum()
 
 
@@ -108,9 +106,8 @@ def _cells(
     _, index = np.unique((rows - rows.min()) * (columns.max() + 1) + columns, return_inverse=True)
     count = np.bincount(index)
     mean_u, mean_v = (np.bincount(index, weights=f) / count for f in (u, v))
-    bins = np.arange(-_LEAKAGE_REACH, _LEAKAGE_REACH + 1)
     variance = tuple(
-        float(((f - mean[index]) ** 2).mean() + (kernel * bins**2).sum() / side**2)
+        float(((f - mean[index]) ** 2).mean() + (kernel * (np.arange(len(kernel)) - len(kernel) // 2) ** 2).sum() / side**2)
         for f, mean, kernel, side in zip((u, v), (mean_u, mean_v), leakage[::-1], shape[::-1], strict=True)
     )
     terms = texture_terms(mean_u, mean_v, lowest_frequency=lowest_frequency)
