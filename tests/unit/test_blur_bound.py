@@ -58,7 +58,11 @@ class TestClosedForm:
         np.testing.assert_allclose(found, expected * np.array([1, np.degrees(1)]), rtol=0.1)
         # control: the form sees a length that is off by a fifth
         wrong = stds(
-            flat, noise_std=1 / amplitude_ratio, length_px=1.2 * length_px, angle_deg=angle_deg, shape=(side_px, side_px)
+            flat,
+            noise_std=1 / amplitude_ratio,
+            length_px=1.2 * length_px,
+            angle_deg=angle_deg,
+            shape=(side_px, side_px),
         )
         assert not np.allclose(wrong, expected * np.array([1, np.degrees(1)]), rtol=0.1)
 

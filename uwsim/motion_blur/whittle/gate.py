@@ -17,7 +17,9 @@ _RIDGE_STATIC_LN = -3.0
 _RIDGE_SHARES = (0.58, 1.0)
 
 
-def blur_nats(frequencies: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None) -> float:
+def blur_nats(
+    frequencies: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None
+) -> float:
     """Return how much better [nats] a blur explains the cells than textures without one do.
 
     Rivals: a Gaussian roll-off that is any ellipse, which every blur is below its first zero; and a ridge, the fall

@@ -99,7 +99,11 @@ def _leakage(window: np.ndarray) -> np.ndarray:
 
 
 def _cells(
-    u: np.ndarray, v: np.ndarray, lowest_frequency: float, leakage: tuple[np.ndarray, np.ndarray], shape: tuple[int, int]
+    u: np.ndarray,
+    v: np.ndarray,
+    lowest_frequency: float,
+    leakage: tuple[np.ndarray, np.ndarray],
+    shape: tuple[int, int],
 ) -> Cells:
     rows = np.round(v / CELL_FREQUENCY).astype(int)
     columns = np.floor(u / CELL_FREQUENCY).astype(int)
@@ -107,7 +111,10 @@ def _cells(
     count = np.bincount(index)
     mean_u, mean_v = (np.bincount(index, weights=f) / count for f in (u, v))
     variance = tuple(
-        float(((f - mean[index]) ** 2).mean() + (kernel * (np.arange(len(kernel)) - len(kernel) // 2) ** 2).sum() / side**2)
+        float(
+            ((f - mean[index]) ** 2).mean()
+            + (kernel * (np.arange(len(kernel)) - len(kernel) // 2) ** 2).sum() / side**2
+        )
         for f, mean, kernel, side in zip((u, v), (mean_u, mean_v), leakage[::-1], shape[::-1], strict=True)
     )
     terms = texture_terms(mean_u, mean_v, lowest_frequency=lowest_frequency)
