@@ -6,7 +6,7 @@ uniform motion. All are found together, from several starts, by Fisher scoring o
 
 Source: Whittle, Arkiv foer Matematik 2, 1953; Dahlhaus and Kuensch, Biometrika 74(4), 1987 (tapers).
 Valid: linear light, noise that is white; lengths from about 1.5 px, where a lens and a blur begin to differ; pictures
-whose blur differs by less than about a tenth over the frame ("not uniform" else: see `uwsim.motion_blur.whittle.tiles`).
+whose blur differs by less than about a tenth over the frame (`uwsim.motion_blur.whittle.tiles` for others).
 """
 
 import numpy as np

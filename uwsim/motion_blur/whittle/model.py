@@ -15,8 +15,8 @@ ROLL_OFF = TEXTURE.start + 3
 ELLIPSE = [TEXTURE.stop - 2, TEXTURE.stop - 1]  # the roll-off's part in cos 2 phi, in sin 2 phi
 LIMITS = {NOISE: (-28.0, 8.0), STATIC: (-12.0, -0.1), FILL: (-12.0, 8.0)}
 
-# what the logarithm of a picture's spectrum looks like: mean and standard deviation of each factor, after the spectra of
-# natural pictures; the amplitude is free
+# what the logarithm of a picture's spectrum looks like: mean and standard deviation of each factor, after the spectra
+# of natural pictures; the amplitude is free
 _EXPONENT = 2.8
 _TEXTURE_STD = np.array([np.inf, 1, 0.3, 1] + [0.6, 0.6, 0.3, 0.3] + [0.4, 0.4, 0.2, 0.2] + [0.1, 0.1])
 # the prior stands against this many frequencies at once, so that what the texture's form gets wrong does not bend it

@@ -1,4 +1,4 @@
-"""Where to start: many starts are fitted to averaged frequencies at once, and the worse half is dropped again and again.
+"""Where to start: many starts are fitted to averaged frequencies at once, and the worse half is dropped repeatedly.
 
 The likelihood has a valley for every stripe of the spectrum that could be the first zero; a fit only finds the bottom
 of the valley that it starts in.
@@ -39,15 +39,15 @@ class Plan:
 
 
 UNIFORM = Plan(
-    ring_px=(2.2, 3.6, 6.0), rounds=((1, 4), (2, 4), (4, 4)), free=np.setdiff1d(range(model.PARAMETERS), [STATIC, FILL]),
-    uniform=True,
+    ring_px=(2.2, 3.6, 6.0), rounds=((1, 4), (2, 4), (4, 4)), uniform=True,
+    free=np.setdiff1d(range(model.PARAMETERS), [STATIC, FILL]),
 )  # fmt: skip
 LOOSE = Plan(ring_px=(3.6,), rounds=((1, 5), (3, 6)), free=np.arange(model.PARAMETERS), uniform=False)
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Parameters (n, 19) with displacements that differ, best first; the best one's loss and informative frequencies."""
+    """Parameters (n, 19) whose displacements differ, best first; the best one's loss and informative frequencies."""
 
     parameters: np.ndarray
     loss: float
