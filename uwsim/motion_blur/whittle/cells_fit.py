@@ -57,7 +57,7 @@ class _Evaluation:
         p = parameters.astype(np.float32)
         along = p[:, RIGHT, None] * self.u - p[:, UP, None] * self.v
         static, fill, noise = (np.exp(p[:, index, None]) for index in (STATIC, FILL, NOISE))
-        # over a cell the mean of sinc^2 at the k-th zero is not 0 but the variance of its argument over k^2: a zero fill
+        # over a cell sinc^2 at the k-th zero has the mean of the variance of its argument over k^2: a zero fill
         spread = (p[:, [RIGHT, UP]] ** 2) @ self.variance
         moving, slope, ramp = model.transfer(along, fill + _RAMP_AT_ZERO * spread[:, None])
         texture = np.exp(p[:, TEXTURE] @ self.terms.T)
