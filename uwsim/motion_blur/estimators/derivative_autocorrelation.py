@@ -7,7 +7,7 @@ itself at the distance L. Texture with a direction of its own deceives the first
 Source: Yitzhaky and Kopeika, Graphical Models and Image Processing 59(5), 1997. Here the derivative comes from Scharr's
 3 x 3 operators instead of differences to bilinear neighbours, which smooth more the further they are from a pixel, and
 the lines' correlations, averaged, are read from the two-dimensional one along the motion. The smoothing by 1 px before
-it is an addition: without it, noise of 1 % hides every blur above 15 px.
+it is an addition: without it, noise of 1 % hides nearly every blur of 15 px or more.
 """
 
 import numpy as np

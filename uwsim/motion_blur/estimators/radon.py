@@ -5,7 +5,7 @@ cepstrum of that projection. The spectrum is flattened, clipped and reduced to 1
 has no stripe inside of the spectrum and is missed.
 
 Source: Moghaddam and Jamzad, EURASIP J. Advances in Signal Processing 2007, 68985 (direction by the Radon transform);
-Krahmer et al., "Blind image deconvolution: motion blur estimation", IMA preprint 2133, 2006 (length by the cepstrum of
+Krahmer et al., "Blind image deconvolution: motion blur estimation", IMA, 2006 (length by the cepstrum of
 the projection).
 """
 
