@@ -12,8 +12,8 @@ from uwsim.motion_blur.kernels import otf
 
 _REFERENCE_FREQUENCY = 0.1
 _ORDERS = (2, 4)
-# ln S_f a priori: 1 / r^2.8 (the exponents of natural pictures lie between 2 and 4: Tolhurst, Tadmor and Chao, Ophthalmic
-# and Physiological Optics 12, 1992), mildly curved and uneven in direction; the level and the noise are free
+# ln S_f a priori: 1 / r^2.8, mildly curved and uneven in direction; the level and the noise are free. Exponents of
+# natural pictures lie between 2 and 4: Tolhurst, Tadmor and Chao, Ophthalmic and Physiological Optics 12, 1992
 _PRIOR_MEAN = np.array([0.0, 2.8, 0.0, 0.0] + [0.0] * 8)
 _PRIOR_STD = np.array([np.inf, 1.0, 0.3, 1.0] + [0.6, 0.6, 0.3, 0.3] + [0.4, 0.4, 0.2, 0.2])
 # the prior has to stand against tens of thousands of bins, which real textures fit only roughly

@@ -60,6 +60,8 @@ class SharpImage:
 
     def continued(self) -> np.ndarray:
         """Return the components on the canvas (C, H', W'): as seen, and what is likely where nothing was seen."""
+        if not self.canvases:
+            return self.parts.copy()
         shape = next(iter(self.canvases.values())).shape
         height, width = self.known.shape
         result = harmonic_extension(self.parts, shape)

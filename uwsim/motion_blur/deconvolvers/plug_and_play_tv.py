@@ -1,9 +1,9 @@
 """Total variation as the prior, by way of scikit-image's denoiser: edges stay sharp, texture is flattened a little.
 
 Minimises |M (H f - g)|^2 / 2 + sigma^2 TV(f) / m by splitting off H f and f: a Fourier filter, a step pixel by pixel
-that knows which pixels were seen, and the denoiser take turns. m, the mean gradient, is that of the `mmse` result, scaled
-up to the root mean square gradient that the fitted texture has: nothing is left to tune. White pixels are masked as in
-`mmse`.
+that knows which pixels were seen, and the denoiser take turns. m, the mean gradient, is that of the `mmse` result,
+scaled up to the root mean square gradient that the fitted texture has: nothing is left to tune. White pixels are masked
+as in `mmse`.
 
 Source: Venkatakrishnan, Bouman and Wohlberg, GlobalSIP 2013 (denoiser as prior); Almeida and Figueiredo, IEEE Trans.
 Image Processing 22(8), 2013 (unknown boundary by splitting); Chambolle, J. Mathematical Imaging and Vision 20, 2004
