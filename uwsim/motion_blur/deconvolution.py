@@ -113,9 +113,19 @@ def canvas_of(part: np.ndarray, blur: Estimate, *, spectrum: object = None, scal
     angle = np.radians(blur.angle_deg)
     reach_px = (abs(blur.length_px * np.sin(angle)), abs(blur.length_px * np.cos(angle)))
     shape = canvas_shape(part.shape, reach_px=reach_px, spare_px=SPARE_PX)
-    transfer = otf(shape, length_px=blur.length_px, angle_deg=blur.angle_deg)[:, : shape[1] // 2 + 1]
-    u, v = np.fft.rfftfreq(shape[1])[None, :], np.fft.fftfreq(shape[0])[:, None]
-    return Canvas(shape, transfer, scale * spectrum.texture_psd(u, v), float(np.sqrt(scale) * spectrum.noise_std))
+    transfer = half_of(otf(shape, length_px=blur.length_px, angle_deg=blur.angle_deg))
+    u, v = np.fft.fftfreq(shape[1])[None, :], np.fft.fftfreq(shape[0])[:, None]
+    texture_psd = half_of(scale * spectrum.texture_psd(u, v))
+    return Canvas(shape, transfer, texture_psd, float(np.sqrt(scale) * spectrum.noise_std))
+
+
+def half_of(full: np.ndarray) -> np.ndarray:
+    """Return the half (H, W//2+1) of a real function of frequency (H, W) that `rfft2` works with.
+
+    Where a side is even, the highest frequency and its negative share one place: it gets the mean of both.
+    """
+    opposite = np.roll(full[::-1, ::-1], 1, axis=(0, 1))
+    return (0.5 * (full + opposite))[:, : full.shape[1] // 2 + 1]
 
 
 def weights_of_half(shape: tuple[int, int]) -> np.ndarray:

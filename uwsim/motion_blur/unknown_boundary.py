@@ -29,13 +29,13 @@ from uwsim.motion_blur.deconvolution import (
 from uwsim.motion_blur.estimate import Estimate
 from uwsim.motion_blur.extension import harmonic_extension
 
-# the solver's error is at most TOLERANCE of the standard deviation that the data leave open; noise below a thousandth of
-# the contrast counts as that. Very smooth pictures without noise need thousands of steps for nothing that can be seen:
-# after MOST_ITERATIONS an error of up to ACCEPTED is taken
+# the solver's error is at most TOLERANCE of the standard deviation that the data leave open. Very smooth pictures
+# without noise need thousands of steps for nothing that can be seen: after MOST_ITERATIONS up to ACCEPTED is taken
 TOLERANCE = 1e-3
 MOST_ITERATIONS = 500
 ACCEPTED = 0.03
-_LEAST_NOISE_SHARE = 1e-3
+# noise below this share of the contrast counts as that: pictures of 8 bits have more, and less takes ever more steps
+LEAST_NOISE_SHARE = 1e-3
 # rounds of deciding which white pixels the result would darken
 _ROUNDS = 4
 
@@ -116,7 +116,8 @@ def _solution(part: np.ndarray, known: np.ndarray, canvas: Canvas, start: np.nda
     level = part[known].mean()
     seen[:height, :width] = part - level
     mask[:height, :width] = known
-    solution = posterior_mean(seen, mask, canvas, start=start - level)
+    noise_std = max(canvas.noise_std, LEAST_NOISE_SHARE * float(part[known].std()))
+    solution = posterior_mean(seen, mask, canvas._replace(noise_std=noise_std), start=start - level)
     return solution._replace(sharp=solution.sharp + level)
 
 
@@ -145,8 +146,7 @@ def posterior_mean(
     residual = transfer * rfft2(np.where(known, seen, 0.0)) - system(spectrum)
     change = preconditioner * residual
     direction, size = change, dot(residual, change)
-    noise = max(canvas.noise_std, _LEAST_NOISE_SHARE * float(seen[known].std()))
-    scale, iterations = noise**2 * np.count_nonzero(known), 0
+    scale, iterations = canvas.noise_std**2 * np.count_nonzero(known), 0
     while size > tolerance**2 * scale and iterations < MOST_ITERATIONS:
         image = system(direction)
         step = size / dot(direction, image)
@@ -159,7 +159,7 @@ def posterior_mean(
     error = float(np.sqrt(size / scale))
     if error > max(ACCEPTED, tolerance):
         raise ValueError(
-            f"unknown boundary: {iterations} iterations leave a residual of {error:.2g}, allowed: {ACCEPTED:g}; noise of "
-            f"{canvas.noise_std:.3g} may be too little for this picture"
+            f"unknown boundary: {iterations} iterations leave a residual of {error:.2g}, allowed: {ACCEPTED:g}; noise "
+            f"of {canvas.noise_std:.3g} may be too little for this picture"
         )
     return Solution(irfft2(spectrum, s=canvas.shape), iterations, error)
