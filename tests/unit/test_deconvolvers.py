@@ -78,11 +78,8 @@ class TestExtension:
         canvas = harmonic_extension(picture, (31, 40))
         np.testing.assert_array_equal(canvas[:, :20, :27], picture)
         mean = sum(np.roll(canvas, step, axis) for step in (-1, 1) for axis in (-1, -2)) / 4
-        for band in (
-            (slice(20, None), slice(1, 26)),
-            (slice(1, 19), slice(27, None)),
-            (slice(20, None), slice(27, None)),
-        ):
+        below, beside = slice(20, None), slice(27, None)
+        for band in ((below, slice(1, 26)), (slice(1, 19), beside), (below, beside)):
             np.testing.assert_allclose(canvas[:, *band], mean[:, *band], atol=1e-12)
         assert canvas.max() <= picture.max()
 
@@ -143,14 +140,14 @@ class TestUnknownBoundary:
         )
         assert np.abs(everything.sharp - exact).max() > 0.01
 
-    @pytest.mark.parametrize("length_px, least_db", [(1.2, 60), (3, 44), (8, 33)])
+    @pytest.mark.parametrize("length_px, least_db", [(1.2, 75), (3, 55), (8, 45)])
     def test_inverse_without_noise(self, length_px, least_db):
         """Model tolerance, inside of 32 px of border: what a noise of a thousandth of the contrast, the least that is
         reckoned with, leaves; most near the zeros of the transfer, of which 1.2 px have none.
         """
-        moved, sharp = seen(texture(224, seed=1), length_px=length_px, angle_deg=20, noise=0, bits=False)
-        moved, sharp = moved.clip(-1, 0.99), texture(224, seed=1)[32:-32, 32:-32]
-        result = mmse.deblur(moved, blur=Estimate(length_px, 20), spectrum=Known(1e-5))
+        flat = 0.5 + 0.25 * (texture(224, seed=1) - 0.5)
+        moved, sharp = seen(flat, length_px=length_px, angle_deg=20, noise=0, bits=False)
+        result = mmse.deblur(moved, blur=Estimate(length_px, 20), spectrum=Known(1e-5, level=0.1 / 16))
         inner = (slice(32, -32), slice(32, -32))
         assert psnr(result[inner], sharp[inner]) > least_db
         assert psnr(moved[inner], sharp[inner]) < least_db - 9
@@ -246,13 +243,13 @@ class TestRichardsonLucy:
         assert richardson_lucy.best_iterations(self.canvas(0.05, length_px=1), line) == 0
 
     def test_the_chosen_number_is_near_the_best(self, monkeypatch):
-        """Model tolerance 0.3 dB: fifth and fivefold of the chosen number are no better."""
+        """Model tolerance 0.3 dB: a fifth and three times the chosen number are no better."""
         moved, sharp = seen(photograph(), length_px=8, angle_deg=30)
         chosen = psnr(richardson_lucy.deblur(moved, blur=Estimate(8, 30)), sharp)
         number = richardson_lucy.best_iterations(
             canvas_of(moved, Estimate(8, 30)), kernel(9, length_px=8, angle_deg=30)
         )
-        for other in (number // 5, 5 * number):
+        for other in (number // 5, 3 * number):
             monkeypatch.setattr(richardson_lucy, "best_iterations", lambda canvas, line, n=other: n)
             assert psnr(richardson_lucy.deblur(moved, blur=Estimate(8, 30)), sharp) < chosen + 0.3
 
@@ -303,13 +300,30 @@ class TestTiles:
         return np.hstack([halves[0][0][:128, :96], halves[1][0][:128, 96:]]), halves[0][1][:128]
 
     def test_two_blurs_in_one_picture(self):
+        """No single blur does; where the blur jumps both halves ring, 24 px from there the tiles are right."""
         image, sharp = self.two_blurs()
-        by_tiles = psnr(deblur_tiles(image, field=self.FIELD, deblur=mmse.deblur), sharp)
-        assert by_tiles > psnr(image, sharp) + 1
+        by_tiles = deblur_tiles(image, field=self.FIELD, deblur=mmse.deblur)
         for angle_deg in (0, 45, 90):
-            assert by_tiles > psnr(mmse.deblur(image, blur=Estimate(8, angle_deg)), sharp) + 1
+            assert psnr(by_tiles, sharp) > psnr(mmse.deblur(image, blur=Estimate(8, angle_deg)), sharp) + 3
+        away = np.abs(np.arange(192) - 95.5) > 24
+        assert psnr(by_tiles[:, away], sharp[:, away]) > psnr(image[:, away], sharp[:, away]) + 1
         swapped = self.FIELD._replace(displacements_px=self.FIELD.displacements_px[:, ::-1])
-        assert psnr(deblur_tiles(image, field=swapped, deblur=mmse.deblur), sharp) < psnr(image, sharp)
+        assert psnr(deblur_tiles(image, field=swapped, deblur=wiener.deblur), sharp) < psnr(by_tiles, sharp) - 3
+
+    def test_blur_that_grows_across_the_picture(self):
+        lengths_px, along = np.linspace(3, 13, 11), np.linspace(0, 10, 192)
+        steps = np.stack([seen(photograph(256), length_px=length, angle_deg=20)[0] for length in lengths_px])
+        low = np.minimum(along.astype(int), 9)
+        column, share = np.arange(192), along - low
+        image = (1 - share) * steps[low, :, column].T + share * steps[low + 1, :, column].T
+        sharp = photograph(256)[32:-32, 32:-32]
+        centres = np.array([[x, y] for y in (48.0, 144) for x in range(16, 192, 32)])
+        length_px = np.interp(centres[:, 0], column + 0.5, 3 + along)[:, None]
+        field = BlurField(centres, length_px * [np.cos(np.radians(20)), np.sin(np.radians(20))])
+        by_tiles = psnr(deblur_tiles(image, field=field, deblur=mmse.deblur), sharp)
+        assert by_tiles > psnr(image, sharp) + 1.5
+        for single_px in (4, 8):
+            assert by_tiles > psnr(mmse.deblur(image, blur=Estimate(single_px, 20)), sharp) + 1.5
 
     def test_weights_sum_to_one_and_any_order_will_do(self):
         image, _ = self.two_blurs()
