@@ -36,9 +36,9 @@ class Definition(BaseModel):
         Field(description="which kind of algorithm is scored"),
     ]
     description: Annotated[Name, Field(description="one sentence for tables and reports")]
-    dataset: Annotated[
-        Name | None, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")
-    ] = None
+    dataset: Annotated[Name | None, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")] = (
+        None
+    )
     frames: Annotated[Protocol | None, Field(description="of tasks that make their frames")] = None
     quick_dataset: Annotated[Name | None, Field(description="recipe of a smaller dataset for quick runs")] = None
     algorithms: Annotated[

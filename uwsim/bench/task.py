@@ -47,7 +47,8 @@ class Task:
     compare algorithms with each other: where the benchmark has an oracle, else there are none of these;
     `findings(dataset, scores)` -> {name: {"caption", "head", "rows"}}: small tables over all cases, {case: scores by
     algorithm}, that go into the provenance and below the tables; a cell is a text, a number or None;
-    `frames(protocol, quick)` -> what stands for the dataset in a task that makes its own cases: `name`, `seed`, `sha256`.
+    `frames(protocol, quick)` -> what stands for the dataset in a task that makes its own cases; it has `name`, `seed`
+    and `sha256`, as a dataset has.
     """
 
     name: str

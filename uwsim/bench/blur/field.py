@@ -58,7 +58,8 @@ def spread_out(output: object, shape: tuple[int, int], *, where: str) -> np.ndar
         verdicts = np.asarray(output["verdict"]).ravel()
         centres_px, found_px = centres_px.reshape(-1, 2), found_px.reshape(-1, 2).copy()
     except (KeyError, TypeError, ValueError, IndexError):
-        raise ValueError(f"{where}: got {output!r:.60}, allowed: centres_px, displacement_px, verdict of tiles") from None
+        allowed = "centres_px, displacement_px and verdict of tiles"
+        raise ValueError(f"{where}: got {output!r:.60}, allowed: {allowed}") from None
     if not len(centres_px) == len(found_px) == len(verdicts) > 0:
         sizes = len(centres_px), len(found_px), len(verdicts)
         raise ValueError(f"{where}: got {sizes} centres, displacements and verdicts, allowed: as many of each, >= 1")

@@ -8,8 +8,10 @@ from uwsim.bench.records import summarise
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
 
-SHOWN = {"failure_percent": "failures [%]", "length_error_px": "length error [px], median",
-         "angle_error_deg": "angle error [deg], median", "field_error_px": "error of the field [px], median"}  # fmt: skip
+SHOWN = {
+    "failure_percent": "failures [%]", "length_error_px": "length error [px], median",
+    "angle_error_deg": "angle error [deg], median", "field_error_px": "error of the field [px], median",
+}  # fmt: skip
 _LENGTHS_PX = (2.0, 5.0, 10.0, 20.0)
 _VEILS_PERCENT = (10.0, 50.0)
 

@@ -13,7 +13,7 @@ class _Strict(BaseModel):
 
 
 class Texture(_Strict):
-    """A picture of scikit-image, of less contrast if asked for; or a Gaussian random field, drawn anew in each frame."""
+    """A picture of scikit-image, of less contrast if asked for; or a Gaussian field, drawn anew in each frame."""
 
     picture: Annotated[Name | None, Field(description="function of skimage.data")] = None
     contrast: Annotated[float, Field(gt=0, le=1, description="factor on the picture, about its mean")] = 1.0
@@ -31,7 +31,7 @@ class Texture(_Strict):
 
 
 class Part(_Strict):
-    """All combinations of textures, lengths, angles, noise; at length 0 the frame is sharp and the angle says nothing."""
+    """All combinations of textures, lengths, angles and noise; at length 0 frames are sharp, whatever the angle."""
 
     blurred_by: Annotated[
         Literal[BLURRED_BY],

@@ -3,8 +3,8 @@
 What NEEDS may list:
   sharp    (H, W, 3) the frame without motion, linear, without noise
 
-Truth is the blur that the frame was made with. Scores are those of `uwsim.bench.blur` but for the field; frames that are
-sharp have one score alone: `sharp_called_blurred_percent`, the share of them that a method calls blurred by 2 px or more.
+Truth is the blur that the frame was made with. Scores are those of `uwsim.bench.blur` but for the field. Sharp frames
+have one score alone: `sharp_called_blurred_percent`, the share of them that a method calls blurred by 2 px or more.
 """
 
 import math
@@ -16,7 +16,7 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench.blur import estimates
-from uwsim.bench.blur.strata import by_group
+from uwsim.bench.blur.strata import SHOWN, by_group
 from uwsim.bench.blur_controlled import textures
 from uwsim.bench.blur_controlled.frames import Frames, Made
 from uwsim.bench.kept import Scores
@@ -29,8 +29,8 @@ from uwsim.motion_blur.spectrum import Spectrum
 STATISTICS = {
     **estimates.STATISTICS, "sharp_called_blurred_percent": "mean", "milliseconds": "median",
 }  # fmt: skip
-_SHOWN = {"failure_percent": "failures [%]", "length_error_px": "length error [px], median",
-          "angle_error_deg": "angle error [deg], median"}  # fmt: skip
+_DIGITS = 5
+_SHOWN = {metric: SHOWN[metric] for metric in ("failure_percent", "length_error_px", "angle_error_deg")}
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,9 @@ def score(module: ModuleType, name: str, given: tuple[str, ...], case: Controlle
         found = dict.fromkeys((*estimates.STATISTICS, *estimates.DETAILS), math.nan)
         called = blur_metrics.sharp_called_blurred(estimate.length_px, getattr(estimate, "verdict", "blur"))
         found["sharp_called_blurred_percent"] = 100.0 * float(called)
-    return found | {"milliseconds": elapsed_ms}
+    found["milliseconds"] = elapsed_ms
+    # thousands of frames: the digits that say nothing would be most of the file
+    return {metric: float(f"{value:.{_DIGITS}g}") for metric, value in found.items()}
 
 
 def conditions(frames: Frames, cases: list[str]) -> dict[str, dict]:
@@ -103,14 +105,11 @@ def summaries(frames: Frames, cases: list[str]) -> dict[str, list[str]]:
 def findings(frames: Frames, scores: dict[str, Scores]) -> dict[str, dict]:
     """Return tables by length, noise, texture and kind of blur, of the frames in motion."""
     groups: dict[str, list[str]] = defaultdict(list)
-    keys = ("length_px", "noise_percent", "texture", "blurred_by")
+    keys = {"length_px": "length", "noise_percent": "noise", "texture": "texture", "blurred_by": "blurred by"}
     found = {name: one for name, one in conditions(frames, list(scores)).items() if one["length_px"] > 0}
-    for key in keys:
+    for key, words in keys.items():
         for name, one in found.items():
-            value = one[key]
-            groups[f"{key.removesuffix('_px').removesuffix('_percent').replace('_', ' ')}: {_text(value, key)}"].append(
-                name
-            )
+            groups[f"{words}: {_text(one[key], key)}"].append(name)
     return {f"{metric}_by_group": by_group(groups, scores, metric, words) for metric, words in _SHOWN.items()}
 
 
