@@ -9,12 +9,14 @@ SSIM of the whole frame, PSNR without a border as wide as the longest blur (`psn
 gained over the frame as it is, and the share of frames that are made worse than that.
 """
 
+import math
 from dataclasses import dataclass, field
 from types import ModuleType
 
 import numpy as np
 
 from uwsim.bench import runner
+from uwsim.bench.blur.estimates import Refusal, estimated
 from uwsim.bench.blur_controlled.frames import Frames, Made
 from uwsim.bench.blur_controlled.task import case_names, conditions
 from uwsim.bench.kept import Scores
@@ -37,19 +39,18 @@ class Blurred(Case):
     """A frame made here; `truth` is its sharp picture (H, W); estimates of its blur are kept by estimator."""
 
     made: Made
-    estimates: dict[str, Estimate] = field(default_factory=dict)
+    estimates: dict[str, Estimate | Refusal] = field(default_factory=dict)
 
     def blur(self, estimator: str | None) -> Estimate:
-        """Return what an estimator says of the frame; None: the truth."""
+        """Return what an estimator says of the frame, NotInFrame where it refuses; None: the truth."""
         if estimator is None:
             return Estimate(self.made.shot.length_px, self.made.shot.angle_deg)
         if estimator not in self.estimates:
-            module = find(estimators, estimator)
-            where = f"deconvolution: {estimator}: case {self.name}"
-            self.estimates[estimator], _ = runner.image_call(
-                module, estimator, "estimate", image=self.image, wanted=(), makers={}, where=where
-            )
-        return self.estimates[estimator]
+            self.estimates[estimator], _ = estimated(find(estimators, estimator), estimator, (), self)
+        found = self.estimates[estimator]
+        if isinstance(found, Refusal):
+            raise runner.NotInFrame(f"{estimator}: {found.reason}")
+        return found
 
 
 def case(frames: Frames, name: str) -> Blurred:
@@ -57,12 +58,15 @@ def case(frames: Frames, name: str) -> Blurred:
     return Blurred(name=name, image=made.image, makers={}, truth=made.sharp, made=made)
 
 
-def score(module: ModuleType, name: str, given: tuple[str, ...], case: Blurred) -> dict[str, float]:
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Blurred) -> dict[str, float | str]:
     where = f"deconvolution: {name}: case {case.name}"
     makers = {"blur": lambda: case.blur(getattr(module, "BLUR_FROM", None))}
-    output, elapsed_ms = runner.image_call(
-        module, name, "deblur", image=case.image, wanted=given, makers=makers, where=where
-    )
+    try:
+        output, elapsed_ms = runner.image_call(
+            module, name, "deblur", image=case.image, wanted=given, makers=makers, where=where
+        )
+    except runner.NotInFrame as reason:
+        return dict.fromkeys(STATISTICS, math.nan) | {"note": str(reason)}
     kind = runner.input_kind(module, name)
     picture = runner.checked_linear(output, kind=kind, shape=case.image.shape, where=where).mean(axis=-1, dtype=float)
     found, as_it_is = _scores(case.truth, picture), _scores(case.truth, case.image.mean(axis=-1, dtype=float))

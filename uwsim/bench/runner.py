@@ -65,7 +65,8 @@ def own(value: object) -> object:
     if isinstance(value, dict):
         return {key: own(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return type(value)(own(item) for item in value)
+        items = [own(item) for item in value]
+        return value._make(items) if hasattr(value, "_make") else type(value)(items)
     return value
 
 

@@ -72,7 +72,7 @@ def _bound(frame: Frame) -> np.ndarray:
     return bound(sharp, noise_std=math.sqrt(variance), length_px=blur.length_px, angle_deg=blur.angle_deg)
 
 
-def score(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> dict[str, float]:
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> dict[str, float | str]:
     estimate, elapsed_ms = estimated(module, name, given, case)
     found = estimates.scores(estimate, case.truth) | field.scores(module, name, case, estimate)
     return found | {"milliseconds": elapsed_ms}

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,14 @@ STATISTICS = {
     "length_error_to_bound_ratio": "median", "angle_error_to_bound_ratio": "median", "refused_percent": "mean",
 }  # fmt: skip
 DETAILS = ("length_error_to_sd", "angle_error_to_sd")
+
+
+class Refusal(NamedTuple):
+    """In place of an Estimate: the method raised ValueError, one line that says why it has no answer to a picture."""
+
+    reason: str
+    length_px: float = math.nan
+    angle_deg: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -35,11 +44,16 @@ class Truth:
 
 
 def estimated(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> tuple[object, float]:
-    """Return (the Estimate of a method: length_px, angle_deg, ...; milliseconds of the call)."""
+    """Return (the Estimate of a method, or its Refusal; milliseconds of the call, NaN for a refusal)."""
     where = f"blur: {name}: case {case.name}"
-    estimate, elapsed_ms = runner.image_call(
-        module, name, "estimate", image=case.image, wanted=given, makers=case.makers, where=where
-    )
+    try:
+        estimate, elapsed_ms = runner.image_call(
+            module, name, "estimate", image=case.image, wanted=given, makers=case.makers, where=where
+        )
+    except ValueError as error:
+        if not isinstance(error.__cause__, ValueError):
+            raise
+        return Refusal(" ".join(str(error.__cause__).split())), math.nan
     for key in ("length_px", "angle_deg"):
         try:
             float(getattr(estimate, key))
@@ -59,11 +73,11 @@ def answer(estimate: object) -> tuple[float, float]:
     return float(estimate.length_px), float(estimate.angle_deg)
 
 
-def scores(estimate: object, truth: Truth) -> dict[str, float]:
+def scores(estimate: object, truth: Truth) -> dict[str, float | str]:
     """Return STATISTICS and DETAILS of an estimate of a frame that is blurred.
 
-    "no blur" is the length 0 without direction, so a failure; the numbers beside "not uniform" count as they are.
-    Errors over the method's own standard deviations are NaN where it gives none.
+    "no blur" is the length 0 without direction, so a failure; the numbers beside "not uniform" count as they are. A
+    refusal is a failure without errors. Errors over the method's own standard deviations are NaN where it gives none.
     """
     length_px, angle_deg = answer(estimate)
     errors = (
@@ -72,13 +86,14 @@ def scores(estimate: object, truth: Truth) -> dict[str, float]:
     )
     to_bound = [float(blur_metrics.error_to_bound_ratio(*pair)) for pair in zip(errors, truth.bound_sd, strict=True)]
     to_sd = [float(blur_metrics.error_to_sd(*pair)) for pair in zip(errors, own_sd(estimate), strict=True)]
-    return {
+    note = {"note": estimate.reason} if isinstance(estimate, Refusal) else {}
+    return note | {
         "failure_percent": 100.0 * float(blur_metrics.blur_failure(*errors)),
         "length_error_px": errors[0],
         "angle_error_deg": errors[1],
         "length_error_to_bound_ratio": to_bound[0],
         "angle_error_to_bound_ratio": to_bound[1],
-        "refused_percent": 100.0 * (getattr(estimate, "verdict", VERDICTS[0]) != VERDICTS[0]),
+        "refused_percent": 100.0 * (bool(note) or getattr(estimate, "verdict", VERDICTS[0]) != VERDICTS[0]),
         "length_error_to_sd": to_sd[0],
         "angle_error_to_sd": to_sd[1],
     }

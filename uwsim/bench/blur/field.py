@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench import runner
-from uwsim.bench.blur.estimates import answer
+from uwsim.bench.blur.estimates import Refusal, answer
 from uwsim.bench.task import Case
 from uwsim.metrics import blur as blur_metrics
 
@@ -25,7 +25,7 @@ def scores(module: ModuleType, name: str, case: Case, estimate: object) -> dict[
     """
     true_px, seen = case.truth.displacement_px, case.truth.seen
     found_px = uniform(estimate, seen.shape)
-    if callable(getattr(module, "field", None)):
+    if callable(getattr(module, "field", None)) and not isinstance(estimate, Refusal):
         where = f"blur: {name}: field of case {case.name}"
         output, _ = runner.image_call(
             module, name, "field", image=case.image, wanted=(), makers=case.makers, where=where
@@ -59,7 +59,8 @@ def spread_out(output: object, shape: tuple[int, int], *, where: str) -> np.ndar
         centres_px, found_px = centres_px.reshape(-1, 2), found_px.reshape(-1, 2).copy()
     except (KeyError, TypeError, ValueError, IndexError):
         allowed = "centres_px, displacement_px and verdict of tiles"
-        raise ValueError(f"{where}: got {output!r:.60}, allowed: {allowed}") from None
+        got = " ".join(f"{output!r:.60}".split())
+        raise ValueError(f"{where}: got {got}, allowed: {allowed}") from None
     if not len(centres_px) == len(found_px) == len(verdicts) > 0:
         sizes = len(centres_px), len(found_px), len(verdicts)
         raise ValueError(f"{where}: got {sizes} centres, displacements and verdicts, allowed: as many of each, >= 1")

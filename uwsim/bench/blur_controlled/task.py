@@ -68,7 +68,7 @@ def _sharp_spectrum(shape: tuple[int, int], content: bytes) -> Spectrum:
     return spectrum_of_sharp(np.frombuffer(content).reshape(shape))
 
 
-def score(module: ModuleType, name: str, given: tuple[str, ...], case: Controlled) -> dict[str, float]:
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Controlled) -> dict[str, float | str]:
     estimate, elapsed_ms = estimates.estimated(module, name, given, case)
     if case.truth.length_px > 0:
         found = estimates.scores(estimate, case.truth) | {"sharp_called_blurred_percent": math.nan}
@@ -78,7 +78,7 @@ def score(module: ModuleType, name: str, given: tuple[str, ...], case: Controlle
         found["sharp_called_blurred_percent"] = 100.0 * float(called)
     found["milliseconds"] = elapsed_ms
     # thousands of frames: the digits that say nothing would be most of the file
-    return {metric: float(f"{value:.{_DIGITS}g}") for metric, value in found.items()}
+    return {key: value if key == "note" else float(f"{value:.{_DIGITS}g}") for key, value in found.items()}
 
 
 def conditions(frames: Frames, cases: list[str]) -> dict[str, dict]:

@@ -95,9 +95,9 @@ def _lines(panel, study: Study, steps: list, of: Callable[[str, int], float], *,
         if all(map(math.isnan, heights)):
             continue
         own = method.endswith(OURS) or method == PRINTED
-        dashed = method in (study.raw, study.oracle)
+        yardstick = {study.raw: "--", study.oracle: "-."}.get(method)
         panel.plot(
             steps, np.maximum(heights, LEAST_SHOWN) if panel.get_yscale() == "log" else heights, label=title(method),
-            color="0.6" if dashed else f"C{index % 10}", linestyle="--" if dashed or index >= 10 else "-",
+            color="0.6" if yardstick else f"C{index % 10}", linestyle=yardstick or ("-" if index < 10 else ":"),
             linewidth=2.4 if own else 1.2, marker="o" if own else ".",
         )  # fmt: skip
