@@ -78,7 +78,7 @@ def rendered(study: Study, path: Path, *, groups: dict[str, list[str]]) -> None:
         "field_error_px": ("error of the field [px], median", study.median),
     }  # fmt: skip
     for panel, (metric, (label, statistic)) in zip(panels, shown.items(), strict=True):
-        _lines(panel, study, places, lambda name, n, m=metric, s=statistic: s(name, m, found[n]))
+        _lines(panel, study, places, lambda name, n, m=metric, s=statistic: s(name, m, found[n]), joined=False)
         panel.set(ylabel=label)
         panel.set_xticks(places, list(groups), rotation=60, ha="right", fontsize=7)
         panel.grid(axis="y", color="0.9")
@@ -86,8 +86,10 @@ def rendered(study: Study, path: Path, *, groups: dict[str, list[str]]) -> None:
     save(figure, path)
 
 
-def _lines(panel, study: Study, steps: list, of: Callable[[str, int], float], *, raw: bool = True) -> None:
-    """Draw a line per method: of(method, number of the step)."""
+def _lines(
+    panel, study: Study, steps: list, of: Callable[[str, int], float], *, raw: bool = True, joined: bool = True
+) -> None:
+    """Draw of(method, number of the step) per method, as a line or, where steps are no scale, as points."""
     for index, method in enumerate(study.methods):
         if method == study.raw and not raw:
             continue
@@ -98,6 +100,6 @@ def _lines(panel, study: Study, steps: list, of: Callable[[str, int], float], *,
         yardstick = {study.raw: "--", study.oracle: "-."}.get(method)
         panel.plot(
             steps, np.maximum(heights, LEAST_SHOWN) if panel.get_yscale() == "log" else heights, label=title(method),
-            color="0.6" if yardstick else f"C{index % 10}", linestyle=yardstick or ("-" if index < 10 else ":"),
+            color="0.6" if yardstick else f"C{index % 10}", linestyle=(yardstick or ("-" if index < 10 else ":")) if joined else "",
             linewidth=2.4 if own else 1.2, marker="o" if own else ".",
         )  # fmt: skip
