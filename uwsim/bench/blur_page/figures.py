@@ -98,8 +98,9 @@ def _lines(
             continue
         own = method.endswith(OURS) or method == PRINTED
         yardstick = {study.raw: "--", study.oracle: "-."}.get(method)
+        style = yardstick or ("-" if index < 10 else ":")
         panel.plot(
             steps, np.maximum(heights, LEAST_SHOWN) if panel.get_yscale() == "log" else heights, label=title(method),
-            color="0.6" if yardstick else f"C{index % 10}", linestyle=(yardstick or ("-" if index < 10 else ":")) if joined else "",
+            color="0.6" if yardstick else f"C{index % 10}", linestyle=style if joined else "",
             linewidth=2.4 if own else 1.2, marker="o" if own else ".",
         )  # fmt: skip
