@@ -42,12 +42,12 @@ class Poses(NamedTuple):
 
 def solved(
     points_m: np.ndarray, points: np.ndarray, core: Callable[[Centred], Poses], *, minimum: int, where: str,
-    flat_ok: bool = True, solid_ok: bool = True, flat_share: float = FLAT_SHARE,
+    flat_ok: bool = True, solid_ok: bool = True, flat_share: float = FLAT_SHARE, chunk: int = CHUNK,
 ) -> Solution:  # fmt: skip
     """Return the poses that a core finds for target points (B, n, 3) [m] and normalised image points (B, n, 2).
 
-    Degenerate targets, and those of a kind that the core cannot do, have a status and no pose. Raises what
-    `check_points` raises.
+    Degenerate targets, and those of a kind that the core cannot do, have a status and no pose. `chunk` problems are
+    handed over at once. Raises what `check_points` raises.
     """
     points_m, points = check_points(points_m, points, minimum=minimum, where=where)
     centre_m = points_m.mean(axis=1)
@@ -62,8 +62,8 @@ def solved(
     twin = _nothing(len(points_m))
     for kind in (False, True):
         chosen = np.flatnonzero((status == Status.OK) & (flat == kind))
-        for first in range(0, len(chosen), CHUNK):
-            part = chosen[first : first + CHUNK]
+        for first in range(0, len(chosen), chunk):
+            part = chosen[first : first + chunk]
             origin = -centre_m[part] / size_m[part, None]
             found = _found(core, target[part], points[part], origin, kind, scatter[part])
             rotation[part], translation[part] = found.rotation, found.translation
