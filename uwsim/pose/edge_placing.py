@@ -34,7 +34,7 @@ def _farthest_apart(sight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _quartics(target, sight, ends, lines, chosen) -> np.ndarray:
-    """Return the quartics (B, n, 5) of the third points, scaled; 0 for the ends themselves."""
+    """Return the quartics (B, n, 5) of the third points, by the squares of their sides; 0 for the ends themselves."""
     edge2 = ((ends[1] - ends[0]) ** 2).sum(axis=1)[:, None]
     near2, far2 = (((target - end[:, None]) ** 2).sum(axis=2) / edge2 for end in ends)
     # differences of cosines, all small far away, as products of cross products
@@ -50,11 +50,11 @@ def _quartics(target, sight, ends, lines, chosen) -> np.ndarray:
     lower = np.stack([-offset / sine, -cosine2], axis=2)
     rest = np.stack([near2 - (across1**2).sum(axis=2) / sine2, 0 * near2, near2], axis=2)
     quartic = multiplied(upper, upper) - 4 * multiplied(multiplied(lower, lower), rest)
+    quartic /= (near2 + far2)[..., None]
     everyone = np.arange(len(target))
     for end in chosen:
         quartic[everyone, end] = 0.0
-    size = np.linalg.norm(quartic, axis=2, keepdims=True)
-    return quartic / np.where(size > 0, size, 1.0)
+    return quartic
 
 
 def _tilts(quartics: np.ndarray) -> np.ndarray:
