@@ -142,7 +142,7 @@ def _twin(twin: tuple, pose: tuple, target: np.ndarray, points: np.ndarray) -> T
 
 
 def least(candidates: Poses, centred: Centred) -> Poses:
-    """Return of candidates (k, B, ...) the one of least reprojection error; for flat targets the next different one too.
+    """Return of candidates (k, B, ...) that of least reprojection error; for flat targets the next different one too.
 
     NaN where every candidate has points behind the camera.
     """

@@ -5,7 +5,7 @@ sum_j alpha_j (c_jx - u c_jz) = 0, and so for v. Noise leaves M^T M no exact nul
 and 1 dimensions for 4, 5 and more solid points, 1 for a flat target; its vectors of least eigenvalue stand for it.
 
 Source: Lepetit, Moreno-Noguer and Fua, IJCV 81(2), 2009, sections 3.1-3.3; dissertation 5.4-5.9.
-Errata: 5.9 speaks of eigenvalues zero; 5.4 asks for control points that are not coplanar, which a flat target has none of.
+Errata: 5.9 speaks of eigenvalues zero; 5.4 asks for control points that are not coplanar, which no flat target has.
 """
 
 from typing import NamedTuple

@@ -131,9 +131,7 @@ def _turn(arm: np.ndarray, frame: np.ndarray, start: np.ndarray, image: np.ndarr
     length = np.maximum(np.linalg.norm(solution[:, :2], axis=1), 1e-300)
     turn = solution[:, :2] / length[:, None]
     known = np.concatenate([turn, np.ones((len(turn), 1))], axis=1)
-    return turn, -_regular_solve(
-        normal[:, 2:5, 2:5], (normal[:, 2:5][..., [0, 1, 5]] @ known[..., None])[..., 0]
-    )
+    return turn, -_regular_solve(normal[:, 2:5, 2:5], (normal[:, 2:5][..., [0, 1, 5]] @ known[..., None])[..., 0])
 
 
 def _regular_solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ _SETS = {
 
 
 def by_linear_equations(centred: Centred, *, refine: bool) -> Poses:
-    """Return of the sets' poses the one of least reprojection error; `refine`: each by Gauss-Newton on all betas first."""
+    """Return of the sets' poses that of least reprojection error; `refine`: each by Gauss-Newton on all betas first."""
     controls = control_points(centred)
     vectors = eigenvectors(controls.weights, centred.image)[1][..., : 3 if centred.flat else 4]
     apart = differences(vectors)

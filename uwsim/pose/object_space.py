@@ -8,14 +8,14 @@ Source: Lu, Hager and Mjolsness, IEEE PAMI 22(6), 2000, for the error; Hesch and
 (whose distances are along the unit lines of sight: the same).
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from uwsim.pose.batches import Centred, Poses, least_of
-from uwsim.pose.levenberg import State, minimise
-from uwsim.pose.reprojection import Errors, batch_first, batch_last
+from uwsim.pose.batches import Centred, Poses
+from uwsim.pose.levenberg import exponential, product
+from uwsim.pose.multistart import STARTS, from_starts, gathered, tetrahedral_rotations
+from uwsim.pose.reprojection import Errors
 
 
 class Form(NamedTuple):
@@ -46,42 +46,32 @@ def translation_of(form: Form, rotation: np.ndarray) -> np.ndarray:
     return (form.translation @ rotation.reshape(*rotation.shape[:-2], 9, 1))[..., 0]
 
 
-def gathered(matrices: np.ndarray, each: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function index -> matrices (..., index) of their problems, for `each` starts of every problem (B, ...)."""
-    last = batch_last(matrices)
-    kept: dict[str, np.ndarray] = {}
+def object_space_pose(centred: Centred) -> Poses:
+    """Return the rotations of least object-space error of 12 starts with all points before the camera."""
+    form = form_of(centred)
+    omega_of = gathered(form.omega, STARTS)
 
-    def of(index: np.ndarray) -> np.ndarray:
-        if kept.get("index") is not index:
-            kept.update(index=index, values=last[..., index // each])
-        return kept["values"]
+    def evaluate(state, index):
+        (rotation,) = state
+        omega, entries = omega_of(index), rotation.reshape(9, -1)
+        pull = np.einsum("ijb,jb->ib", omega, entries)
+        # of e_k x rotation for each axis
+        first, second, third = rotation
+        none = np.zeros_like(first)
+        slope = np.array([[none, -third, second], [third, none, -first], [-second, first, none]]).reshape(3, 9, -1)
+        bent = np.einsum("ijb,kjb->kib", omega, slope)
+        return Errors(
+            np.einsum("ib,ib->b", entries, pull),
+            np.einsum("kib,ib->kb", slope, pull),
+            np.einsum("kib,lib->klb", slope, bent),
+        )
 
-    return of
+    def poses(state):
+        rotation = np.moveaxis(state[0], -1, 0).reshape(len(centred.target), STARTS, 3, 3)
+        places = translation_of(form, np.swapaxes(rotation, 0, 1))
+        return Poses(rotation, np.swapaxes(places, 0, 1))
 
-
-def from_starts(
-    state: State, evaluate: Callable[[State, np.ndarray], Errors], move: Callable[[State, np.ndarray], State],
-    poses: Callable[[State], Poses], centred: Centred,
-) -> Poses:  # fmt: skip
-    """Return of the minima that starts run into the one of least cost with all points before the camera.
-
-    `state`: starts of a problem side by side, the batch last; `poses` makes Poses (B, starts, ...) of it, batch first.
-    """
-    found, costs = minimise(state, evaluate, move)
-    candidates = poses(found)
-    rotation, translation = np.swapaxes(candidates.rotation, 0, 1), np.swapaxes(candidates.translation, 0, 1)
-    depth = centred.target @ rotation[..., 2, :, None] + translation[:, :, None, 2:]
-    costs = costs.reshape(len(centred.target), -1).T
-    before = np.all(depth[..., 0] > 0, axis=2)
-    return least_of(Poses(rotation, translation), np.where(before, costs, np.inf), flat=centred.flat)
-
-
-def tetrahedral_rotations() -> np.ndarray:
-    """Return the 12 turns (12, 3, 3) of a tetrahedron: no rotation is farther than 90 deg from the nearest."""
-    found = []
-    for shift in range(3):
-        cycle = np.roll(np.eye(3), shift, axis=0)
-        found += [cycle * signs for signs in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])]
-    return np.array(found)
-
-
+    starts = np.tile(np.moveaxis(tetrahedral_rotations(), 0, -1), len(centred.target))
+    return from_starts(
+        (starts,), evaluate, lambda state, step: (product(exponential(step), state[0]),), poses, centred
+    )  # fmt: skip

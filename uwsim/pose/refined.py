@@ -32,13 +32,6 @@ def starts_of(found: Poses) -> list[Poses]:
 
 def refined_paraperspective(centred: Centred) -> Poses:
     """Return poses of least reprojection error near the para-perspective ones."""
-    return least_of(*gathered([refined(start, centred) for start in starts_of(paraperspective_start(centred))]),
-                    flat=centred.flat)
-
-
-def gathered(results: list[tuple[Poses, np.ndarray]]) -> tuple[Poses, np.ndarray]:
-    """Return candidates (k, B, ...) and their costs (k, B)."""
-    return (
-        Poses(np.stack([pose.rotation for pose, _ in results]), np.stack([pose.translation for pose, _ in results])),
-        np.stack([cost for _, cost in results]),
-    )
+    found = [refined(start, centred) for start in starts_of(paraperspective_start(centred))]
+    rotation, translation = (np.stack([pose[field] for pose, _ in found]) for field in (0, 1))
+    return least_of(Poses(rotation, translation), np.stack([cost for _, cost in found]), flat=centred.flat)

@@ -2,7 +2,8 @@
 
 The start is poor off the optical axis, where the method ends in other minima.
 
-Source: Chen et al. 2021 as the dissertation describes it (section 5.2 and 5.14-5.16); weak perspective about the centroid.
+Source: Chen et al. 2021 as the dissertation describes it (section 5.2 and 5.14-5.16); weak perspective
+about the centroid.
 """
 
 import numpy as np

@@ -57,7 +57,7 @@ def _of_pairs(pose: Poses, controls: Controls, centred: Centred) -> np.ndarray:
 
 
 def _as_printed(pose: Poses, controls: Controls, centred: Centred) -> np.ndarray:
-    """Return d_i^2 / (z^2 m_o m_i), with the centroid the last of the control points and so never the first of a pair."""
+    """Return d_i^2 / (z^2 m_o m_i); the centroid, the last of the control points, is never the first of a pair."""
     camera = in_camera(pose, controls)
     origin = (pose.rotation @ centred.origin[..., None])[..., 0] + pose.translation
     seen, of_origin = camera[..., :2] / camera[..., 2:], origin[:, :2] / origin[:, 2:]

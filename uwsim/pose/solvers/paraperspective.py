@@ -1,6 +1,7 @@
 """Para-perspective start only: the closed-form pose of an affine camera about the centroid, no iteration.
 
-Errors fall with the square of size by distance; what noise allows is not reached near the camera. See `uwsim.pose.affine`.
+Errors fall with the square of size by distance; what noise allows is not reached near the camera. The mathematics is
+in `uwsim.pose.affine`.
 
 Source: Horaud et al., IJCV 22(2), 1997; dissertation 5.17-5.21.
 Errata: 5.19 as printed divides by |I_p| twice, the second is |J_p|; 5.17 holds for a reference point that is seen, here

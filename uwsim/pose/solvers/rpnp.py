@@ -8,11 +8,11 @@ of cosines gives
     (y - c1)^2 = a^2 q - s1^2,    (d2 / d1)^2 + y^2 - 2 (d2 / d1) y c2 = b^2 q.
 
 Their difference is linear in y: y = N / (2 L) with L = c1 - (c + s xi) c2 and N = 1 - (c + s xi)^2 + (b^2 - a^2) q.
-Put into the first it is a quartic of xi, (N - 2 c1 L)^2 = 4 L^2 (a^2 q - s1^2), whose coefficients after division by s^4
-are of the size of 1 at any distance. Each third point gives one, divided by a^2 + b^2 because noise moves those of long
-sides more; the least sum of their squares lies at roots of its derivative, of degree 7. Each minimum places the edge; the turn about it (cosine, sine) and
-the shift solve linear equations, and every point then moves to its line of sight, where the target is fitted to them.
-Of up to four minima the least reprojection error counts.
+Put into the first it is a quartic of xi, (N - 2 c1 L)^2 = 4 L^2 (a^2 q - s1^2), whose coefficients after division by
+s^4 are of the size of 1 at any distance. Each third point gives one, divided by a^2 + b^2 because noise moves those of
+long sides more; the least sum of their squares lies at roots of its derivative, of degree 7. Each minimum places the
+edge; the turn about it (cosine, sine) and the shift solve linear equations, and every point then moves to its line of
+sight, where the target is fitted to them. Of up to four minima the least reprojection error counts.
 
 Source: Li, Xu and Xie, IEEE PAMI 34(7), 2012, "A robust O(n) solution to the perspective-n-point problem"; the quartic
 is derived anew.
