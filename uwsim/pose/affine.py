@@ -7,7 +7,7 @@ so for v: W = D R / z with D = [[1, 0, -u0], [0, 1, -v0]]. Weak perspective drop
 z L^-1 W has orthonormal rows a, b, and R = D^T L^-T [a; b] + n (a x b)^T is a rotation without any averaging.
 
 Source: Horaud, Dornaika, Lamiroy and Christy, IJCV 22(2), 1997, for the projections; dissertation 5.17-5.21, of which
-this uses all three constraints on W instead of two (see `paraperspective_printed`).
+this uses all three constraints on W instead of two (the printed way: `uwsim.pose.affine_printed`).
 """
 
 import numpy as np
@@ -42,23 +42,24 @@ def _start(centred: Centred, tilt: np.ndarray) -> Poses:
     """Return poses of the affine camera whose D has -tilt (B, 2) as its last column."""
     middle = centred.image.mean(axis=1)
     across, factor = _across(tilt)
-    scaled = _whitened(_affine_rows(centred, middle), factor)
+    scaled = _whitened(affine_rows(centred, middle), factor)
     if centred.flat:
         depth, rows = _flat_rows(scaled)
         # both signs of the component along the normal fit
         both = np.stack([rows, rows * [1, 1, -1]])
         rotation = _rotation(both, across, factor, tilt)
-        place = np.broadcast_to(_place(depth, middle), (2, *depth.shape, 3))
+        place = np.broadcast_to(placed_at(depth, middle), (2, *depth.shape, 3))
         return least(Poses(rotation, place), centred)
     depth, rows = _solid_rows(scaled)
-    return Poses(_rotation(rows, across, factor, tilt), _place(depth, middle))
+    return Poses(_rotation(rows, across, factor, tilt), placed_at(depth, middle))
 
 
-def _place(depth: np.ndarray, middle: np.ndarray) -> np.ndarray:
+def placed_at(depth: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Return places (B, 3) at depths (B,) seen at `middle` (B, 2)."""
     return depth[:, None] * np.concatenate([middle, np.ones((len(depth), 1))], axis=1)
 
 
-def _affine_rows(centred: Centred, middle: np.ndarray) -> np.ndarray:
+def affine_rows(centred: Centred, middle: np.ndarray) -> np.ndarray:
     """Return W (B, 2, 3) of least squares, of a flat target (B, 2, 2) in its plane."""
     target = centred.target[..., :2] if centred.flat else centred.target
     transposed = np.swapaxes(target, 1, 2)

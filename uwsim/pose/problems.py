@@ -51,16 +51,43 @@ def random_rotations(count: int, *, rng: np.random.Generator) -> np.ndarray:
     return Rotation.from_quat(rng.standard_normal((count, 4))).as_matrix()
 
 
+def rotation_zxz(angles_rad: np.ndarray) -> np.ndarray:
+    """Return rotations (..., 3, 3) by Euler angles alpha, beta, theta (..., 3) about z, the new x and the new z.
+
+    Source: dissertation 5.33.
+    Errata: as printed its entries (1, 2) and (2, 2) lack a term each, -cos alpha sin theta and -sin alpha sin theta,
+    and the matrix is no rotation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    angles_rad = np.asarray(angles_rad, float)
+    return Rotation.from_euler("ZXZ", angles_rad.reshape(-1, 3)).as_matrix().reshape(*angles_rad.shape[:-1], 3, 3)
+
+
+def random_euler_rotations(count: int, *, rng: np.random.Generator) -> np.ndarray:
+    """Return rotations (count, 3, 3) by three evenly drawn angles of `rotation_zxz`, more of them about z than even."""
+    return rotation_zxz(rng.uniform(-np.pi, np.pi, (count, 3)))
+
+
 def in_box(
     target_m: np.ndarray, *, count: int, rng: np.random.Generator, box_m: np.ndarray = BOX_M,
-    nearest_m: float = 0.01,
+    nearest_m: float = 0.01, rotations: Callable[..., np.ndarray] = random_rotations,
 ) -> Placed:  # fmt: skip
     """Return a target (n, 3) [m] in `count` random rotations with its origin evenly in a box (2, 3) [m].
 
-    Poses with a point nearer than `nearest_m` along the axis are drawn again.
+    Poses with a point nearer than `nearest_m` along the axis are drawn again; ValueError where that does not end.
     """
     low, high = np.asarray(box_m, float)
-    return _drawn(target_m, lambda many: rng.uniform(low, high, (many, 3)), count, rng, nearest_m)
+    rotation, translation_m = rotations(count, rng=rng), rng.uniform(low, high, (count, 3))
+    for _ in range(100):
+        depth_m = rotation[:, 2] @ np.asarray(target_m, float).T + translation_m[:, 2, None]
+        near = np.flatnonzero(depth_m.min(axis=1) < nearest_m)
+        if not len(near):
+            return Placed(np.tile(target_m, (count, 1, 1)), rotation, translation_m)
+        rotation[near], translation_m[near] = rotations(len(near), rng=rng), rng.uniform(low, high, (len(near), 3))
+    raise ValueError(
+        f"poses: {len(near)} of {count} keep a point nearer than {nearest_m} m, allowed: a target that fits there"
+    )
 
 
 def at_depth(
@@ -110,18 +137,3 @@ def images(placed: Placed, *, focal_px: float, noise_px: float, rng: np.random.G
         raise ValueError(f"images: got {np.sum(camera_m[..., 2] <= 0)} points behind the camera, allowed: none")
     exact = camera_m[..., :2] / camera_m[..., 2:]
     return exact + noise_px / focal_px * rng.standard_normal(exact.shape)
-
-
-def _drawn(
-    target_m: np.ndarray, draw: Callable[[int], np.ndarray], count: int, rng: np.random.Generator, nearest_m: float
-) -> Placed:
-    rotation, translation_m = random_rotations(count, rng=rng), draw(count)
-    for _ in range(100):
-        depth_m = rotation[:, 2] @ np.asarray(target_m, float).T + translation_m[:, 2, None]
-        near = np.flatnonzero(depth_m.min(axis=1) < nearest_m)
-        if not len(near):
-            return Placed(np.tile(target_m, (count, 1, 1)), rotation, translation_m)
-        rotation[near], translation_m[near] = random_rotations(len(near), rng=rng), draw(len(near))
-    raise ValueError(
-        f"poses: {len(near)} of {count} keep a point nearer than {nearest_m} m, allowed: a target that fits there"
-    )

@@ -22,6 +22,4 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
 
     Degenerate points, points behind the camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
     """
-    return solved(
-        points_m, points, opencv_core("SOLVEPNP_EPNP"), minimum=MINIMUM_POINTS, where="opencv_epnp"
-    )  # fmt: skip
+    return solved(points_m, points, opencv_core("SOLVEPNP_EPNP"), minimum=MINIMUM_POINTS, where="opencv_epnp")

@@ -1,6 +1,7 @@
 """OpenCV's IPPE: both poses of a flat target in closed form from its homography, one problem at a time.
 
-For flat targets only (`Status.WRONG_KIND` for others).
+For flat targets only (`Status.WRONG_KIND` for others). OpenCV 5 loses rotations by exactly 180 deg, those of a flat
+target that faces the camera, when it makes vectors of them: its targets come turned.
 
 Source: Collins and Bartoli, IJCV 109(3), 2014, "Infinitesimal plane-based pose estimation"; `cv2.solvePnPGeneric` with
 SOLVEPNP_IPPE.
@@ -25,5 +26,10 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
     """
     return solved(
-        points_m, points, opencv_core("SOLVEPNP_IPPE"), minimum=MINIMUM_POINTS, where="opencv_ippe", solid_ok=False
-    )  # fmt: skip
+        points_m,
+        points,
+        opencv_core("SOLVEPNP_IPPE", turn_target=True),
+        minimum=MINIMUM_POINTS,
+        where="opencv_ippe",
+        solid_ok=False,
+    )

@@ -23,6 +23,4 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     Degenerate points, solid targets of fewer than 6 points, points behind the camera: not ok. Fewer than 4 points, NaN
     or other shapes: ValueError.
     """
-    return solved(
-        points_m, points, opencv_core("SOLVEPNP_ITERATIVE"), minimum=MINIMUM_POINTS, where="opencv_iterative"
-    )  # fmt: skip
+    return solved(points_m, points, opencv_core("SOLVEPNP_ITERATIVE"), minimum=MINIMUM_POINTS, where="opencv_iterative")
