@@ -7,7 +7,8 @@ import numpy as np
 from uwsim.pose.reprojection import Errors, batch_last, errors
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-12, 1e8
-_STEPS = 20
+STEPS = 20
+"""Enough where errors are small against the image of the target; Gauss-Newton slows down with the residuals."""
 _TOLERANCE = 1e-7
 """A step below this share of every unknown's unit ends a problem."""
 
@@ -16,7 +17,7 @@ State = tuple[np.ndarray, ...]
 
 def minimise(
     state: State, evaluate: Callable[[State, np.ndarray], Errors], move: Callable[[State, np.ndarray], State],
-    *, steps: int = _STEPS, tolerance: float = _TOLERANCE,
+    *, steps: int = STEPS, tolerance: float = _TOLERANCE,
 ) -> tuple[State, np.ndarray]:  # fmt: skip
     """Return (states, costs (B,)) of least cost near the given ones; arrays with the batch **last**.
 
@@ -96,7 +97,7 @@ def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def least_reprojection(
-    rotation: np.ndarray, translation: np.ndarray, target: np.ndarray, image: np.ndarray, *, steps: int = _STEPS
+    rotation: np.ndarray, translation: np.ndarray, target: np.ndarray, image: np.ndarray, *, steps: int = STEPS
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (rotation (B, 3, 3), translation (B, 3), cost (B,)) of least reprojection error near the given poses.
 

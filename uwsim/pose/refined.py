@@ -4,13 +4,13 @@ import numpy as np
 
 from uwsim.pose.affine import in_front, paraperspective_start
 from uwsim.pose.batches import Centred, Poses, least_of
-from uwsim.pose.levenberg import least_reprojection
+from uwsim.pose.levenberg import STEPS, least_reprojection
 
 NEARLY_FLAT = 0.1
 """Spread across the plane, as a share of the whole, below which both starts of a flat target are tried."""
 
 
-def refined(start: Poses, centred: Centred) -> tuple[Poses, np.ndarray]:
+def refined(start: Poses, centred: Centred, *, steps: int = STEPS) -> tuple[Poses, np.ndarray]:
     """Return poses of least reprojection error near poses (B, 3, 3), (B, 3), and their costs (B,).
 
     Infinite cost where the start is NaN.
@@ -19,7 +19,7 @@ def refined(start: Poses, centred: Centred) -> tuple[Poses, np.ndarray]:
     rotation = np.where(none[:, None, None], np.eye(3), start.rotation)
     translation = np.where(none[:, None], [0, 0, -1e6], start.translation)
     rotation, translation, cost = least_reprojection(
-        rotation, in_front(rotation, translation, centred.target), centred.target, centred.image
+        rotation, in_front(rotation, translation, centred.target), centred.target, centred.image, steps=steps
     )
     return Poses(rotation, translation), cost
 

@@ -9,6 +9,7 @@ from uwsim.pose.affine import paraperspective_start
 from uwsim.pose.batches import Centred, Poses, least_of
 from uwsim.pose.depth_weighted import depth_weighted_pose
 from uwsim.pose.edge_placing import by_placed_edges
+from uwsim.pose.levenberg import STEPS
 from uwsim.pose.multistart import tetrahedral_rotations
 from uwsim.pose.object_space import object_space_pose
 from uwsim.pose.parallel import from_start, together
@@ -19,6 +20,7 @@ _SAME_COST = 1e-6
 # costs of exact problems are round-off, whose ratio says nothing
 _NO_COST = 1e-20
 _NOISY_SHARE = 0.01
+_MANY_STEPS = 150
 
 
 class _Found:
@@ -29,7 +31,9 @@ class _Found:
         self.poses: list[Poses] = []
         self.costs: list[np.ndarray] = []
 
-    def add(self, starts: Callable[[Centred], list[Poses]], where: np.ndarray | None = None) -> np.ndarray:
+    def add(
+        self, starts: Callable[[Centred], list[Poses]], where: np.ndarray | None = None, *, steps: int = STEPS
+    ) -> np.ndarray:
         """Refine starts of the problems `where` (B,); return the lowest costs (B,)."""
         count = len(self.centred.target)
         index = np.arange(count) if where is None else np.flatnonzero(where)
@@ -41,7 +45,7 @@ class _Found:
         # one long batch of all starts: few long rows rather than many short ones
         rotations, translations = (np.concatenate([pose[field] for pose in found]) for field in (0, 1))
         again = np.tile(np.arange(len(index)), len(found))
-        refined_pose, costs = refined(Poses(rotations, translations), _part(part, again))
+        refined_pose, costs = refined(Poses(rotations, translations), _part(part, again), steps=steps)
         for first in range(0, len(again), len(index)):
             one = slice(first, first + len(index))
             rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
@@ -67,11 +71,15 @@ def least_reprojection_pose(centred: Centred, *, extra: Extra) -> Poses:
         return found.least()
     few = centred.target.shape[1] < 5
     differ = ~_same(from_first, from_betas)
+    # with errors of this size steps get slow, and minima many
     spread = ((centred.image - centred.image.mean(axis=1, keepdims=True)) ** 2).sum(axis=(1, 2))
     lowest = np.minimum(from_first, from_betas)
-    asked = differ | (lowest > _NOISY_SHARE * spread) | (few or extra == "always")
+    noisy = lowest > _NOISY_SHARE * spread
+    asked = differ | noisy | (few or extra == "always")
     from_edges = found.add(lambda part: starts_of(by_placed_edges(part)), asked)
     found.add(_everywhere, differ | asked & ~_same(from_edges, lowest))
+    ends = found.least()
+    found.add(lambda part: [_some(pose, np.flatnonzero(noisy)) for pose in starts_of(ends)], noisy, steps=_MANY_STEPS)
     return found.least()
 
 
@@ -85,6 +93,10 @@ def _same(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return where two starts end in minima of one cost."""
     with np.errstate(invalid="ignore"):
         return np.abs(first - second) <= _SAME_COST * np.minimum(first, second) + _NO_COST
+
+
+def _some(poses: Poses, index: np.ndarray) -> Poses:
+    return Poses(poses.rotation[index], poses.translation[index])
 
 
 def _part(centred: Centred, index: np.ndarray) -> Centred:
