@@ -91,7 +91,10 @@ def test_pose_is_scored_against_the_scene(dataset):
     assert rotation["frontal"] == pytest.approx(20, abs=1e-6)  # the board is tilted by 20 deg
     assert rotation["opencv_sqpnp"] < 1
     assert rotation["oracle_corners"] < 1e-6
-    assert values(result, "detected_percent") == dict.fromkeys(rotation, 100)
+    detected = values(result, "detected_percent")
+    assert detected.pop("dlt") == 0  # the board is flat
+    assert detected.pop("poselib") in (None, 100)  # an optional package
+    assert set(detected.values()) == {100}
     assert values(result, "corner_error_px")["oracle_corners"] == 0
     assert 0 < values(result, "corner_error_px")["opencv_sqpnp"] < 0.5
 

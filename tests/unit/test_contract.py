@@ -105,7 +105,8 @@ def targets(module):
     grid = np.stack(np.meshgrid([-0.1, 0.0, 0.1], [-0.1, 0.0, 0.1]), axis=-1).reshape(9, 2)
     solid = np.column_stack([grid, 0.05 * np.array([1, -1, 1, 1, 1, -1, -1, 1, 1])])
     flat = np.column_stack([grid, np.zeros(9)])
-    return [solid, flat] if module.PLANAR_OK else [solid]
+    kinds = [(solid, getattr(module, "SOLID_OK", True)), (flat, module.PLANAR_OK)]
+    return [target for target, allowed in kinds if allowed]
 
 
 def called(function, module, *arguments, known):

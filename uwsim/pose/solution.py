@@ -1,23 +1,97 @@
 """What a pose solver returns, and the check of what it is given."""
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from uwsim.pose.reprojection import cost_and_information
+
 # spread of points off a line below this share of their extent counts as none
 _COLLINEAR_SHARE = 1e-6
+# an information matrix with a smaller ratio of its eigenvalues leaves part of the pose open
+_UNDETERMINED = 1e-14
+
+
+class Status(IntEnum):
+    """Why a problem has a pose or none."""
+
+    OK = 0
+    DEGENERATE = 1
+    """Target points on one line or, for solvers of four and more points, fewer than four different; or images in one
+    point: more than one pose fits."""
+    WRONG_KIND = 2
+    """A flat target for a solver of solid ones, or the other way round."""
+    NO_POSE = 3
+    """The solver found no rotation and translation."""
+    BEHIND = 4
+    """Its pose takes points behind the camera."""
+
+
+class Twin(NamedTuple):
+    """The other pose that a flat target's image fits: a second minimum of the reprojection error.
+
+    `rotation` (B, 3, 3), `translation_m` (B, 3) [m], `cost_ratio` (B,): its cost by that of the pose returned. All NaN
+    where there is none. A ratio near 1 says that the image does not tell the two apart.
+    """
+
+    rotation: np.ndarray
+    translation_m: np.ndarray
+    cost_ratio: np.ndarray
 
 
 class Solution(NamedTuple):
     """Poses camera_from_target of a batch: p_camera = rotation @ p_target + translation_m.
 
     `rotation` (B, 3, 3), `translation_m` (B, 3) [m], `ok` (B,) bool. Where `ok` is False there is no pose:
-    rotation is the identity and the translation NaN.
+    rotation is the identity and the translation NaN, and `status` (B,) of `Status` says why. `cost` (B,): sum of the
+    squared reprojection errors on the plane z = 1. `information` (B, 6, 6): J^T J of those errors, by a turn [rad]
+    about the axes of the camera (rotation' = exp[turn]x rotation) and then a shift [m] of `translation_m`.
+    `freedom`: residuals less unknowns, 2 n - 6. `twin`: for flat targets, from solvers that look for it. What a method
+    does not know is None.
     """
 
     rotation: np.ndarray
     translation_m: np.ndarray
     ok: np.ndarray
+    status: np.ndarray
+    cost: np.ndarray | None = None
+    information: np.ndarray | None = None
+    freedom: int = 0
+    twin: Twin | None = None
+
+    def covariance(self, *, noise: float | np.ndarray | None = None) -> np.ndarray:
+        """Return the covariance (B, 6, 6) of turn [rad] and shift [m]: noise^2 information^-1.
+
+        `noise`: standard deviation of each image coordinate on the plane z = 1 (pixels by focal length), a number or
+        (B,); None estimates it from the cost, which for few points is uncertain by a factor. NaN without a pose, and
+        infinite on the diagonal where the points leave part of the pose open.
+
+        Valid: for the pose of least reprojection error, to first order in the noise; any other solver's scatters more.
+        ValueError where the method gave no information, or without spare residuals to estimate the noise from.
+        """
+        if self.information is None:
+            raise ValueError("covariance: the method gives no information matrix, allowed: one with image points")
+        if noise is None and self.freedom <= 0:
+            raise ValueError("covariance: 3 points leave no residuals, allowed: a given noise, or 4 points and more")
+        variance = self.cost / self.freedom if noise is None else np.broadcast_to(noise, self.ok.shape) ** 2
+        return variance[:, None, None] * _inverse(self.information, self.translation_m)
+
+
+def _inverse(information: np.ndarray, translation_m: np.ndarray) -> np.ndarray:
+    """Return inverses (B, 6, 6); NaN where it is NaN, infinite on the diagonal where it is singular."""
+    inverse = np.full_like(information, np.nan)
+    known = np.all(np.isfinite(information), axis=(1, 2))
+    # shifts as shares of the distance: all unknowns of one size
+    scale = np.ones((np.count_nonzero(known), 6))
+    scale[:, 3:] = np.linalg.norm(translation_m[known], axis=1)[:, None]
+    values, vectors = np.linalg.eigh(information[known] * scale[:, :, None] * scale[:, None])
+    open_ = values[:, 0] <= _UNDETERMINED * values[:, -1]
+    values[open_] = 1.0
+    found = (vectors / values[:, None]) @ np.swapaxes(vectors, 1, 2) * scale[:, :, None] * scale[:, None]
+    found[open_] = np.diag(np.full(6, np.inf))
+    inverse[known] = found
+    return inverse
 
 
 def check_points(
@@ -48,16 +122,29 @@ def spread_out(points_m: np.ndarray, points: np.ndarray) -> np.ndarray:
     return (target[:, 1] > _COLLINEAR_SHARE * target[:, 0]) & (image > 1e-12)
 
 
-def accept(rotation: np.ndarray, translation_m: np.ndarray, points_m: np.ndarray) -> Solution:
-    """Return poses as a Solution; `ok`: finite, a proper rotation, and all points before the camera."""
+def accept(
+    rotation: np.ndarray, translation_m: np.ndarray, points_m: np.ndarray, points: np.ndarray | None = None,
+    *, status: np.ndarray | None = None,
+) -> Solution:  # fmt: skip
+    """Return poses as a Solution; `ok`: finite, a proper rotation, and all points before the camera.
+
+    With the image points (B, n, 2) that the poses were found from it has cost and information. `status` (B,): what is
+    known to be wrong already; there no pose is accepted.
+    """
     finite = np.all(np.isfinite(rotation), axis=(1, 2)) & np.all(np.isfinite(translation_m), axis=1)
     safe_rotation = np.where(finite[:, None, None], rotation, np.eye(3))
     safe_translation = np.where(finite[:, None], translation_m, 0.0)
-    depth_m = np.einsum("bj,bnj->bn", safe_rotation[:, 2], points_m) + safe_translation[:, None, 2]
+    depth_m = (points_m @ safe_rotation[:, 2, :, None])[..., 0] + safe_translation[:, 2, None]
     off = np.abs(np.swapaxes(safe_rotation, 1, 2) @ safe_rotation - np.eye(3)).max(axis=(1, 2))
-    ok = finite & (off < 1e-6) & (np.linalg.det(safe_rotation) > 0) & np.all(depth_m > 0, axis=1)
-    return Solution(
-        np.where(ok[:, None, None], safe_rotation, np.eye(3)),
-        np.where(ok[:, None], safe_translation, np.nan),
-        ok,
-    )
+    proper = finite & (off < 1e-6) & (np.linalg.det(safe_rotation) > 0)
+    before = np.all(depth_m > 0, axis=1)
+    found = np.where(proper, np.where(before, Status.OK, Status.BEHIND), Status.NO_POSE).astype(np.int8)
+    if status is not None:
+        found = np.where(status == Status.OK, found, status).astype(np.int8)
+    ok = found == Status.OK
+    rotation = np.where(ok[:, None, None], safe_rotation, np.eye(3))
+    translation_m = np.where(ok[:, None], safe_translation, np.nan)
+    cost = information = None
+    if points is not None:
+        cost, information = cost_and_information(rotation, translation_m, points_m, points)
+    return Solution(rotation, translation_m, ok, found, cost, information, max(2 * points_m.shape[1] - 6, 0))

@@ -8,7 +8,7 @@ Source: weak perspective with the rotation given; Horaud et al., IJCV 22(2), 199
 
 import numpy as np
 
-from uwsim.pose.solution import Solution, accept, check_points, spread_out
+from uwsim.pose.solution import Solution, Status, accept, check_points, spread_out
 
 MINIMUM_POINTS = 2
 PLANAR_OK = True
@@ -33,4 +33,7 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     depth_m = np.where(usable, size_m / np.where(usable, size, 1.0), np.nan)
     middle_m = depth_m[:, None] * np.concatenate([centre, np.ones((len(centre), 1))], axis=1)
     rotation = np.broadcast_to(CAMERA_FROM_TARGET, (len(points_m), 3, 3))
-    return accept(rotation, middle_m - centre_m @ CAMERA_FROM_TARGET.T, points_m)
+    return accept(
+        rotation, middle_m - centre_m @ CAMERA_FROM_TARGET.T, points_m, points,
+        status=np.where(usable, Status.OK, Status.DEGENERATE),
+    )  # fmt: skip

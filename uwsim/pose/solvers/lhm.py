@@ -1,0 +1,49 @@
+"""LHM, orthogonal iteration: points put on their lines of sight and the target turned to them, by turns.
+
+Each turn lowers the sum of the squared distances from the lines of sight, but by less and less: it stops after 300, and
+the single start can end in another minimum, for flat targets often.
+
+Source: Lu, Hager and Mjolsness, IEEE PAMI 22(6), 2000. With the best translation the points on their lines of sight
+give sum V (R p + t) p^T = R S - [Omega r], so a turn costs the same for any number of points.
+"""
+
+import numpy as np
+
+from uwsim.pose.batches import Centred, Poses, solved
+from uwsim.pose.control_points import nearest_rotation
+from uwsim.pose.object_space import form_of, translation_of
+from uwsim.pose.solution import Solution
+
+MINIMUM_POINTS = 4
+PLANAR_OK = True
+NEEDS = ()
+_TURNS = 300
+_TOLERANCE = 1e-10
+
+
+def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
+    """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
+
+    Degenerate points, points behind the camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
+    """
+    return solved(points_m, points, _core, minimum=MINIMUM_POINTS, where="lhm")
+
+
+def _core(centred: Centred) -> Poses:
+    form = form_of(centred)
+    # as if the images were points of a plane across the axis
+    apart = centred.image - centred.image.mean(axis=1, keepdims=True)
+    flat = np.concatenate([apart, np.zeros((*apart.shape[:2], 1))], axis=2)
+    rotation = nearest_rotation(np.swapaxes(flat, 1, 2) @ centred.target)
+    index = np.arange(len(rotation))
+    omega, scatter = form.omega, form.scatter
+    for _ in range(_TURNS):
+        now = rotation[index]
+        pull = (omega @ now.reshape(-1, 9, 1)).reshape(-1, 3, 3)
+        new = nearest_rotation(now @ scatter - pull)
+        rotation[index] = new
+        going = np.abs(new - now).max(axis=(1, 2)) > _TOLERANCE
+        index, omega, scatter = index[going], omega[going], scatter[going]
+        if not len(index):
+            break
+    return Poses(rotation, translation_of(form, rotation))

@@ -1,0 +1,35 @@
+"""OpenCV's IPPE: both poses of a flat target in closed form from its homography, one problem at a time.
+
+For flat targets only (`Status.WRONG_KIND` for others). OpenCV 5 loses rotations by exactly 180 deg, those of a flat
+target that faces the camera, when it makes vectors of them: its targets come turned.
+
+Source: Collins and Bartoli, IJCV 109(3), 2014, "Infinitesimal plane-based pose estimation"; `cv2.solvePnPGeneric` with
+SOLVEPNP_IPPE.
+"""
+
+import numpy as np
+
+from uwsim.pose.batches import solved
+from uwsim.pose.opencv import opencv_core
+from uwsim.pose.solution import Solution
+
+MINIMUM_POINTS = 4
+PLANAR_OK = True
+SOLID_OK = False
+NEEDS = ()
+
+
+def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
+    """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
+
+    The pose of less reprojection error, the other is the `twin`. Degenerate points, solid targets, points behind the
+    camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
+    """
+    return solved(
+        points_m,
+        points,
+        opencv_core("SOLVEPNP_IPPE", turn_target=True),
+        minimum=MINIMUM_POINTS,
+        where="opencv_ippe",
+        solid_ok=False,
+    )
