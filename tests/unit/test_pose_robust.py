@@ -7,7 +7,7 @@ from uwsim.metrics.pose import rotation_error_deg
 from uwsim.pose import bound, problems, robust
 from uwsim.pose.robust import solve_robust
 from uwsim.pose.solution import Status
-from uwsim.pose.solvers import best
+from uwsim.pose.solvers import best, paraperspective_lm
 
 FOCAL_PX, NOISE_PX = 1300.0, 0.5
 THRESHOLD = 3 * NOISE_PX / FOCAL_PX
@@ -32,7 +32,7 @@ def spoilt(share, *, points=40, seed=0, flat=False):
 @pytest.mark.parametrize("method", ["magsac", "msac", "ransac"])
 @pytest.mark.parametrize(("share", "flat"), [(0.3, False), (0.3, True), (0.6, False), (0.6, True)])
 def test_outliers_are_found_and_the_pose_is_that_of_the_inliers(share, flat, method):
-    """Root mean square of five by the bound of the good points. Control: `best` on all points is far off."""
+    """Root mean square of five by the bound of the good points. Control: least squares of all points is far off."""
     excess = []
     for seed in range(5):
         placed, image, wrong = spoilt(share, seed=seed, flat=flat)
@@ -48,7 +48,7 @@ def test_outliers_are_found_and_the_pose_is_that_of_the_inliers(share, flat, met
         error_deg = rotation_error_deg(found.solution.rotation, placed.rotation)
         excess.append(error_deg[0] / least.rotation_deg[0])
     assert np.sqrt(np.mean(np.square(excess))) < 1.7
-    everyone = best.solve(placed.points_m, image[None])
+    everyone = paraperspective_lm.solve(placed.points_m, image[None])
     assert rotation_error_deg(everyone.rotation, placed.rotation)[0] > 20 * least.rotation_deg[0]
 
 
