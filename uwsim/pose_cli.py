@@ -19,7 +19,7 @@ def layout(
     layout: Annotated[
         str, typer.Argument(help="octahedron, pyramid, stereo, square, or a .toml or .csv of points [m]")
     ],
-    camera: Annotated[str, typer.Option(help="WIDTHxHEIGHT, or a TOML file with width_px, height_px and K_px.")],
+    camera: Annotated[str, typer.Option(help="WIDTHxHEIGHT, or a TOML file with width_px, height_px, K_px.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for layout.png, layout.json, layout.csv.")],
     fov_deg: Annotated[float | None, typer.Option(help="Horizontal field of view in the water [deg].")] = None,
     focal_px: Annotated[float | None, typer.Option(help="Focal length in the water [px], instead.")] = None,

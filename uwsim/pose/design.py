@@ -37,8 +37,8 @@ class Curves(NamedTuple):
     """Errors (p,), root mean square over the orientations; NaN where in one of them the target leaves the picture.
 
     `bound`: the least possible. `segments`, `segments_printed`: of the segments from the target's origin (5.28, 5.29),
-    each taken for an independent measurement of one angle, or of the distance. `plane_printed`: 5.11-5.13, of the
-    whole rotation; `plane_corrected`: for flat targets of four points, NaN otherwise.
+    each taken for an independent measurement of one angle, or of the distance, with the origin seen as a point is.
+    `plane_printed`: 5.11-5.13, of the whole rotation of flat targets; `plane_corrected`: of those with four points.
     """
 
     rotation_bound_deg: np.ndarray
@@ -128,14 +128,21 @@ def _formulas(points_m: np.ndarray, sweep: Sweep, view: View) -> dict[str, np.nd
             _combined(part, len(sweep.values)) for part in (np.degrees(angle_rad), length_m / segments.length_m)
         ]
         found |= {f"rotation_segments{end}_deg": combined[0], f"translation_segments{end}_percent": 100 * combined[1]}
+    return found | _plane_formulas(points_m, sweep, noise_px=view.noise_px, focal_px=focal_px)
+
+
+def _plane_formulas(points_m: np.ndarray, sweep: Sweep, *, noise_px: float, focal_px: float) -> dict[str, np.ndarray]:
+    """Return what 5.11-5.13 say of a flat target; nothing of a solid one."""
     around_m = points_m - points_m.mean(axis=0)
-    flat = np.linalg.matrix_rank(around_m, tol=_FLAT_SHARE * np.linalg.norm(around_m)) < 3
-    arm_m = np.sqrt(np.sum(around_m**2) / ((2 if flat else 3) * len(points_m)))
+    if np.linalg.matrix_rank(around_m, tol=_FLAT_SHARE * np.linalg.norm(around_m)) == 3:
+        return {}
+    # half the edge of the square that spreads as these points do
+    arm_m = np.sqrt(np.sum(around_m**2) / (2 * len(points_m)))
     given = {"tilt_rad": sweep.tilts_rad, "distance_m": sweep.translation_m[:, 2], "arm_m": arm_m}
-    given |= {"noise_px": view.noise_px, "focal_px": focal_px}
+    given |= {"noise_px": noise_px, "focal_px": focal_px}
     printed = plane_errors.angle_errors(**given, form="as_printed")
-    found["rotation_plane_printed_deg"] = np.degrees(printed.rotation_rad)
-    if flat and len(points_m) == 4:
+    found = {"rotation_plane_printed_deg": np.degrees(printed.rotation_rad)}
+    if len(points_m) == 4:
         found["rotation_plane_corrected_deg"] = np.degrees(plane_errors.angle_errors(**given).rotation_rad)
     return found
 

@@ -13,16 +13,16 @@ _AXES = {
     "tilt_deg": "angle of the target's z to the axis [deg]",
 }
 _ROTATION = (
-    ("rotation_segments_deg", "C0--", "segments, 5.29 corrected"),
-    ("rotation_segments_printed_deg", "C3:", "segments, 5.29 as printed"),
+    ("rotation_bound_deg", "k-", "bound, all points"),
     ("rotation_plane_corrected_deg", "C2--", "plane, 5.11-5.13 corrected"),
     ("rotation_plane_printed_deg", "C1-.", "plane, 5.11-5.13 as printed"),
-    ("rotation_bound_deg", "k-", "bound (all points)"),
+    ("rotation_segments_deg", "C0--", "segments, 5.29 corrected"),
+    ("rotation_segments_printed_deg", "C3:", "segments, 5.29 as printed"),
 )
 _TRANSLATION = (
+    ("translation_bound_percent", "k-", "bound, all points"),
     ("translation_segments_percent", "C0--", "segments, 5.28 corrected"),
     ("translation_segments_printed_percent", "C3:", "segments, 5.28 as printed"),
-    ("translation_bound_percent", "k-", "bound (all points)"),
 )
 # errors beyond these say no more than that there is no pose
 _MOST = 180.0
@@ -46,12 +46,16 @@ def plot_design(title: str, found: list[tuple[Sweep, Curves, Trials | None]], pa
             panels[2, column].set(ylim=(-3, 103))
         if sweep.quantity == "distance_m":
             panels[0, column].set_xscale("log")
+            _plain_ticks(panels[-1, column].xaxis)
         panels[-1, column].set_xlabel(_AXES[sweep.quantity])
-    for row, label in zip(panels, ("rotation error [deg]", "translation error [%]", "another pose [%]"), strict=False):
+    for row, label in zip(
+        panels, ("rotation error [deg]", "translation error [%]", "far from the truth [%]"), strict=False
+    ):
         row[0].set_ylabel(label)
     for panel in panels.flat:
         panel.grid(alpha=0.3)
     for row in panels[:2]:
+        _plain_ticks(row[0].yaxis)
         row[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.suptitle(title, fontsize=11)
     # no date and no version in the file: the same picture has the same bytes
@@ -68,3 +72,12 @@ def _draw(
             panel.semilogy(sweep.values, np.where(good, values, np.nan), style, label=label)
     if trials is not None:
         panel.semilogy(trials.values, measured, "ko", markersize=4, fillstyle="none", label="best, near the true pose")
+
+
+def _plain_ticks(axis) -> None:
+    """Label a logarithmic axis at 1, 2 and 5 of each decade, in plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -21,6 +21,8 @@ def read_layout(name: str, *, edge_m: float | None = None) -> np.ndarray:
     A TOML file holds `points_m = [[x, y, z], ...]`; a CSV file three numbers a line, a first line of names allowed.
     ValueError for what is none of these, points that no pose follows from, or `edge_m` beside a file.
     """
+    if edge_m is not None and not (np.isfinite(edge_m) and edge_m > 0):
+        raise ValueError(f"edge: got {edge_m} m, allowed: above 0 m")
     if name in NAMES:
         return problems.layout(NAMES[name], edge_m=EDGE_M if edge_m is None else edge_m)
     path = Path(name)
