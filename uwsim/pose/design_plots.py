@@ -49,7 +49,7 @@ def plot_design(title: str, found: list[tuple[Sweep, Curves, Trials | None]], pa
             _plain_ticks(panels[-1, column].xaxis)
         panels[-1, column].set_xlabel(_AXES[sweep.quantity])
     for row, label in zip(
-        panels, ("rotation error [deg]", "translation error [%]", "far from the truth [%]"), strict=False
+        panels, ("rotation error [deg]", "translation error [%]", "off by > 5 bounds [%]"), strict=False
     ):
         row[0].set_ylabel(label)
     for panel in panels.flat:
@@ -71,7 +71,9 @@ def _draw(
         if good.any():
             panel.semilogy(sweep.values, np.where(good, values, np.nan), style, label=label)
     if trials is not None:
-        panel.semilogy(trials.values, measured, "ko", markersize=4, fillstyle="none", label="best, near the true pose")
+        panel.semilogy(
+            trials.values, measured, "ko", markersize=4, fillstyle="none", label="solver `best`, within 5 bounds"
+        )
 
 
 def _plain_ticks(axis) -> None:

@@ -11,7 +11,7 @@ from uwsim.pose import problems
 NAMES = {"octahedron": "bi6", "pyramid": "py5", "stereo": "st4", "square": "pl4"}
 """The dissertation's layouts: square bipyramid, pyramid on its square, two base corners and both apices, square."""
 EDGE_M = 0.1
-_LEAST, _MOST = 4, 1000
+_LEAST, _MOST = 4, 200
 _SAME_SHARE = 1e-6
 
 
@@ -34,7 +34,7 @@ def read_layout(name: str, *, edge_m: float | None = None) -> np.ndarray:
 
 
 def checked_layout(points_m: object, *, where: str) -> np.ndarray:
-    """Return points (n, 3) [m] as floats; ValueError unless 4 to 1000 different finite ones, not on one line."""
+    """Return points (n, 3) [m] as floats; ValueError unless 4 to 200 different finite ones, not on one line."""
     try:
         points_m = np.array(points_m, dtype=float)
     except (TypeError, ValueError):
