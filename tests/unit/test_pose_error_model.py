@@ -188,9 +188,11 @@ def test_corrected_angle_errors_of_a_plane_are_the_bound(edge_m, tolerance):
     corrected = plane_errors.angle_errors(**given)
     np.testing.assert_allclose(np.degrees(corrected.rotation_rad), least.rotation_deg, rtol=tolerance)
     deviation = np.sqrt(np.diagonal(least.covariance, axis1=1, axis2=2))
-    np.testing.assert_allclose(corrected.tilt_rad, deviation[:, 1], rtol=tolerance)
+    angles = np.stack([corrected.across_rad, corrected.tilt_rad, corrected.azimuth_rad], axis=1)
+    np.testing.assert_allclose(angles, deviation[:, :3], rtol=2.5 * tolerance)
     printed = plane_errors.angle_errors(**given, form="as_printed")
     assert printed.tilt_rad[0] == pytest.approx(deviation[0, 1], rel=tolerance)  # right at 0 deg alone
+    assert printed.azimuth_rad[0] == pytest.approx(np.sqrt(2) * deviation[0, 2], rel=tolerance)
     by_bound = printed.tilt_rad / deviation[:, 1]
     assert by_bound.max() > 1.5 and by_bound[-1] < 0.8
 
