@@ -52,6 +52,21 @@ def test_outliers_are_found_and_the_pose_is_that_of_the_inliers(share, flat, met
     assert rotation_error_deg(everyone.rotation, placed.rotation)[0] > 20 * least.rotation_deg[0]
 
 
+@pytest.mark.parametrize(("points", "bad", "flat"), [(6, 1, False), (8, 2, True), (12, 6, False)])
+def test_few_points_with_outliers(points, bad, flat):
+    """No wrong pose, hardly a problem without one. Five points are enough to refuse a sixth."""
+    found = []
+    for seed in range(10):
+        placed, image, wrong = spoilt(bad / points, points=points, seed=seed, flat=flat)
+        pose = solve_robust(placed.points_m[0], image, threshold=1.3 * THRESHOLD)
+        assert not np.any(pose.inliers & wrong)
+        if pose.solution.ok[0]:
+            good = placed.points_m[0, ~wrong]
+            least = bound.bound(good, placed.rotation, placed.translation_m, K=K, noise_px=NOISE_PX)
+            found.append(rotation_error_deg(pose.solution.rotation, placed.rotation)[0] / least.rotation_deg[0])
+    assert len(found) >= 9 and max(found) < 4
+
+
 def test_without_outliers_nearly_all_points_agree():
     placed, image, _ = spoilt(0)
     found = solve_robust(placed.points_m[0], image, threshold=1.5 * THRESHOLD)

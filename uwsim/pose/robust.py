@@ -11,6 +11,8 @@ Method = Literal["magsac", "msac", "ransac"]
 LEAST_INLIERS = 5
 """Three points fit a pose exactly, whatever they are: two more have to agree with it."""
 _ROUNDS = 10
+# the pose of a sample is rougher than that of all who agree with it
+_FIRST_FACTOR = 2.0
 # OpenCV's thresholds are in pixels
 _FOCAL_PX = 1000.0
 
@@ -37,8 +39,8 @@ def solve_robust(
     that leave the pose open: not ok. ValueError for other shapes, NaN, fewer points than `least_inliers`, other
     methods and options out of range.
 
-    Valid: outliers that do not agree on another pose, up to 60 % of 20 points and 80 % of 40: there at the bound of
-    the good points. With 6 good ones of 12 a few of a hundred problems have no pose.
+    Valid: outliers that do not agree on another pose, up to 60 % of 20 points, 50 % of 12, one of 6: there near the
+    bound of the good points.
     Source: Barath and others, CVPR 2020 (MAGSAC++); Torr and Zisserman 2000 (MSAC); OpenCV's USAC, by name.
     """
     _check_options(threshold, method, least_inliers, confidence, iterations)
@@ -48,7 +50,7 @@ def solve_robust(
     start = _consensus(given_m[0], given[0], threshold, method, confidence, iterations, seed)
     if start is None:
         return _nothing(given_m, Status.NO_POSE)
-    inliers = _agreeing(*start, given_m[0], given[0], threshold)
+    inliers = _agreeing(*start, given_m[0], given[0], _FIRST_FACTOR * threshold)
     for _ in range(_ROUNDS):
         if np.count_nonzero(inliers) < least_inliers:
             return _nothing(given_m, Status.NO_POSE)
