@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from uwsim import __version__
+from uwsim import __version__, pose_cli
 
 app = typer.Typer(
     name="uwsim",
@@ -15,6 +15,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(pose_cli.app, name="pose")
 
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to.")]
 Variant = Annotated[

@@ -6,9 +6,10 @@ from statistics import fmean
 from typing import NamedTuple
 
 from uwsim.bench.blur_page.printed import PICTURES, Printed
-from uwsim.bench.blur_page.study import MENDED, PRINTED, Study, title
+from uwsim.bench.blur_page.study import MENDED, PRINTED, Study
 from uwsim.bench.blur_page.tables import shown
 from uwsim.bench.restoration_page.printed import printed as printed_restoration
+from uwsim.bench.study import title
 
 YES, NO, PARTLY, OPEN = "borne out", "not borne out", "in part", "not measured"
 _CONVENTIONAL = ("radon", "hough", "cepstrum_minimum")

@@ -6,11 +6,12 @@ from uwsim.bench.blur_controlled import textures
 from uwsim.bench.blur_page import claims
 from uwsim.bench.blur_page.claims import Found
 from uwsim.bench.blur_page.printed import PICTURES, Printed
-from uwsim.bench.blur_page.study import DECONVOLVER, OURS, PRINTED, Study, title
+from uwsim.bench.blur_page.study import DECONVOLVER, OURS, PRINTED, Study
 from uwsim.bench.blur_page.tables import NONE, shown
 from uwsim.bench.records import markdown_table
 from uwsim.bench.restoration_page.printed import Table
 from uwsim.bench.restoration_page.printed import printed as printed_restoration
+from uwsim.bench.study import title
 
 NOT_COMPARED = """- The two pictures of tables 4.1 and 4.2 are not published with their crops: here other pictures of
   the nearest standard deviation stand for them, so only the course over the length can be compared, no level.

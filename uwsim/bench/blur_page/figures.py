@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from uwsim.bench.blur_page.study import OURS, PRINTED, Study, title
+from uwsim.bench.blur_page.study import OURS, PRINTED, Study
 from uwsim.bench.canvas import new_figure, save
+from uwsim.bench.study import title
 from uwsim.metrics.blur import MEDIAN_OVER_SD
 
 LEAST_SHOWN = 1e-3

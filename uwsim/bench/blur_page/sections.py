@@ -8,9 +8,10 @@ import numpy as np
 
 from uwsim.bench.blur.strata import strata
 from uwsim.bench.blur_page import figures, goals, tables
-from uwsim.bench.blur_page.study import DECONVOLVER, Study, title
+from uwsim.bench.blur_page.study import DECONVOLVER, Study
 from uwsim.bench.blur_page.tables import shown
 from uwsim.bench.records import markdown_table
+from uwsim.bench.study import title
 
 ERRORS, FAILURES = "errors_over_length.png", "failures.png"
 GAINS, RENDERED = "deconvolution.png", "rendered.png"

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uwsim.bench.records import TITLES, Record, Result
+from uwsim.bench import study
 from uwsim.metrics.blur import MEDIAN_OVER_SD
 
 OURS = "whittle"
@@ -19,52 +19,13 @@ DECONVOLVER = "mmse"
 
 
 @dataclass(frozen=True)
-class Study:
-    """A result, read by name."""
-
-    result: Result
-
-    @cached_property
-    def conditions(self) -> dict[str, dict]:
-        return self.result.provenance["conditions"]
-
-    @cached_property
-    def methods(self) -> list[str]:
-        """What took part, in table order."""
-        return list(dict.fromkeys(record.algorithm for record in self.result.records))
-
-    @property
-    def definition(self) -> dict:
-        return self.result.provenance["definition"]
-
-    @property
-    def raw(self) -> str:
-        """The method that does nothing."""
-        return self.definition["do_nothing"]
-
-    @property
-    def oracle(self) -> str | None:
-        return self.definition.get("oracle")
+class Study(study.Study):
+    """A result, read by name and by the conditions of its cases."""
 
     @cached_property
     def rivals(self) -> list[str]:
         """The methods that do something and are given nothing of the truth."""
         return [name for name in self.methods if name not in (self.raw, self.oracle)]
-
-    @cached_property
-    def of_metric(self) -> dict[str, Record]:
-        """Metric -> one of its records, for its unit and direction; in table order."""
-        found: dict[str, Record] = {}
-        for record in self.result.records:
-            found.setdefault(record.metric, record)
-        return found
-
-    @cached_property
-    def _values(self) -> dict[tuple[str, str, str], float]:
-        return {
-            (record.case, record.algorithm, record.metric): math.nan if record.value is None else record.value
-            for record in self.result.records
-        }
 
     def cases(self, **wanted: object) -> list[str]:
         """Return the cases of which all these conditions hold; a tuple, list or set: any of its values."""
@@ -75,10 +36,6 @@ class Study:
         """Return the values of a condition among the cases, in ascending order, without None."""
         found = {self.conditions[case][condition] for case in (self.conditions if cases is None else cases)}
         return sorted(found - {None})
-
-    def value(self, case: str, method: str, metric: str) -> float:
-        """Return a score; NaN where there is none."""
-        return self._values.get((case, method, metric), math.nan)
 
     def values(self, method: str, metric: str, cases: Iterable[str]) -> np.ndarray:
         """Return the scores of a method in these cases that there are."""
@@ -117,8 +74,3 @@ class Study:
             return math.nan
         worst = max(known, key=known.get)
         return known[worst] / self.value(case, worst, f"{quantity}_error_to_bound_ratio") / MEDIAN_OVER_SD
-
-
-def title(name: str) -> str:
-    """Return the name of a method or a metric for people."""
-    return TITLES.get(name, name.replace("_", " "))

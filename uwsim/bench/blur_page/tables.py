@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from uwsim.bench.blur_page.study import Study, title
+from uwsim.bench.blur_page.study import Study
 from uwsim.bench.records import column_title, markdown_table, number, role
+from uwsim.bench.study import title
 
 NONE = "-"
 

@@ -4,8 +4,9 @@ import math
 
 from uwsim.bench.records import markdown_table
 from uwsim.bench.restoration_page import no_reference
-from uwsim.bench.restoration_page.study import Study, joined, title
+from uwsim.bench.restoration_page.study import Study, joined
 from uwsim.bench.restoration_page.tables import NONE, shown
+from uwsim.bench.study import title
 
 SHARE_GOALS = {"dual_transmission": 0.12, "lamp_model": 0.5}
 TIME_GOAL = ("dual_transmission", "clahe", 6.0)

@@ -2,7 +2,8 @@
 
 from uwsim.bench.restoration_page import tables
 from uwsim.bench.restoration_page.printed import Printed, Table
-from uwsim.bench.restoration_page.study import Study, joined, title
+from uwsim.bench.restoration_page.study import Study, joined
+from uwsim.bench.study import title
 
 
 def parts(study: Study, known: Printed, noise: dict[str, float]) -> list[str]:

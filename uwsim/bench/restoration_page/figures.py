@@ -5,7 +5,8 @@ from pathlib import Path
 
 from uwsim.bench.canvas import new_figure, save
 from uwsim.bench.restoration_page import no_reference
-from uwsim.bench.restoration_page.study import MAIN, OURS, Study, title
+from uwsim.bench.restoration_page.study import MAIN, OURS, Study
+from uwsim.bench.study import title
 
 
 def gain_over_raw(study: Study, path: Path) -> None:

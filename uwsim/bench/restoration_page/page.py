@@ -6,7 +6,8 @@ from uwsim.bench.definition import definition_from
 from uwsim.bench.records import Result, finding_table
 from uwsim.bench.restoration_page import conclusions, dissertation, figures, no_reference, sheets, tables
 from uwsim.bench.restoration_page.printed import printed
-from uwsim.bench.restoration_page.study import Study, joined, study_of, title
+from uwsim.bench.restoration_page.study import Study, joined, study_of
+from uwsim.bench.study import title
 from uwsim.dataset.store import Dataset
 from uwsim.files import write_text
 

@@ -9,9 +9,10 @@ import numpy as np
 from uwsim.bench import restoration
 from uwsim.bench.canvas import new_figure
 from uwsim.bench.definition import Definition
-from uwsim.bench.restoration_page.study import Study, title
+from uwsim.bench.restoration_page.study import Study
 from uwsim.bench.run import Algorithm, load
 from uwsim.bench.runner import NotInFrame
+from uwsim.bench.study import title
 from uwsim.bench.task import Case, spread
 from uwsim.dataset.store import Dataset
 from uwsim.files import write_atomically

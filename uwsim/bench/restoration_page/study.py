@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from uwsim.bench.records import TITLES, Record, Result, summarise
+from uwsim.bench import study
+from uwsim.bench.records import Result, summarise
 from uwsim.dataset.store import Dataset
 
 OURS = ("dual_transmission", "lamp_model")
@@ -56,10 +57,9 @@ def shots(dataset: Dataset) -> list[Shot]:
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(study.Study):
     """A result, read by name, and the shots that its cases are."""
 
-    result: Result
     shots: tuple[Shot, ...]
 
     @cached_property
@@ -80,36 +80,6 @@ class Study:
     def scenes(self) -> list[str]:
         """The scenes of the dataset in order, scored or not."""
         return list(dict.fromkeys(shot.scene for shot in self.shots))
-
-    @cached_property
-    def _records(self) -> dict[tuple[str, str, str], Record]:
-        return {(record.case, record.algorithm, record.metric): record for record in self.result.records}
-
-    @cached_property
-    def methods(self) -> list[str]:
-        """What took part, in table order."""
-        return list(dict.fromkeys(record.algorithm for record in self.result.records))
-
-    @cached_property
-    def of_metric(self) -> dict[str, Record]:
-        """Metric -> one of its records, for its unit and direction; in table order."""
-        found: dict[str, Record] = {}
-        for record in self.result.records:
-            found.setdefault(record.metric, record)
-        return found
-
-    @property
-    def definition(self) -> dict:
-        return self.result.provenance["definition"]
-
-    @property
-    def raw(self) -> str:
-        """The method that leaves the picture as it is."""
-        return self.definition["do_nothing"]
-
-    @property
-    def oracle(self) -> str | None:
-        return self.definition.get("oracle")
 
     @cached_property
     def given(self) -> dict[str, tuple[str, ...]]:
@@ -133,15 +103,6 @@ class Study:
         forms = {name for name, variant in variants.items() if variant["algorithm"] in OURS}
         forms |= {name for name in self.restorers for own in OURS if name == f"{own}_as_printed"}
         return [name for name in self.restorers if name not in OURS and name not in forms]
-
-    def record(self, case: str, method: str, metric: str) -> Record | None:
-        """Return a record of a case or a summary, None if there is none."""
-        return self._records.get((case, method, metric))
-
-    def value(self, case: str, method: str, metric: str) -> float:
-        """Return a score of a case or a summary; NaN where there is none."""
-        record = self.record(case, method, metric)
-        return math.nan if record is None or record.value is None else record.value
 
     def unscored(self, method: str) -> dict[str, str]:
         """Return {case: why} of the cases in which a method has no score at all."""
@@ -197,11 +158,6 @@ def study_of(result: Result, dataset: Dataset) -> Study:
 def _mean(values: list[float]) -> float:
     known = [value for value in values if math.isfinite(value)]
     return math.fsum(known) / len(known) if known else math.nan
-
-
-def title(name: str) -> str:
-    """Return the name of a method, a metric or a water for people: "dual transmission as printed"."""
-    return TITLES.get(name, name.replace("_", " "))
 
 
 def joined(names: list[str]) -> str:

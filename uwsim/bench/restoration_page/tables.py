@@ -5,7 +5,8 @@ from statistics import fmean
 
 from uwsim.bench.records import column_title, markdown_table, number, role
 from uwsim.bench.restoration_page.printed import Printed, Table
-from uwsim.bench.restoration_page.study import Study, joined, title
+from uwsim.bench.restoration_page.study import Study, joined
+from uwsim.bench.study import title
 
 COLUMNS = (
     "psnr", "ssim", "psnr_gain", "ssim_gain", "colour_difference", "colour_difference_gain", "mtf50_ratio",

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uwsim.bench.records import Result
+from uwsim.bench import study
 
 IMAGE_ERROR = "relative_radiance_error"
 FITTED = "_fitted"
@@ -14,14 +14,8 @@ _SAME = 1.15  # ratio of neighbouring values that count as one on an axis
 
 
 @dataclass(frozen=True)
-class Study:
-    """A result, read by name."""
-
-    result: Result
-
-    @cached_property
-    def conditions(self) -> dict[str, dict]:
-        return self.result.provenance["conditions"]
+class Study(study.Study):
+    """A result, read by name and by the conditions of its cases."""
 
     @cached_property
     def cases(self) -> list[str]:
@@ -30,14 +24,12 @@ class Study:
     @cached_property
     def models(self) -> list[str]:
         """What takes part, in table order, without do-nothing and oracle."""
-        definition = self.result.provenance["definition"]
-        named = dict.fromkeys(record.algorithm for record in self.result.records)
-        return [name for name in named if name not in (definition["do_nothing"], definition["oracle"])]
+        return [name for name in self.methods if name not in (self.raw, self.oracle)]
 
     @cached_property
     def physical(self) -> list[str]:
         """The models as they are: neither fitted nor with keywords of their own."""
-        variants = self.result.provenance["definition"].get("variants", {})
+        variants = self.definition.get("variants", {})
         changed = {name for name, variant in variants.items() if variant["fitted"] or variant["keywords"]}
         return [name for name in self.models if name not in changed]
 
@@ -46,16 +38,9 @@ class Study:
         """Model -> its fitted variant, of those that have one."""
         return {name: name + FITTED for name in self.physical if name + FITTED in self.models}
 
-    @cached_property
-    def _values(self) -> dict[tuple[str, str, str], float]:
-        return {
-            (record.case, record.algorithm, record.metric): math.nan if record.value is None else record.value
-            for record in self.result.records
-        }
-
-    def value(self, case: str, model: str, metric: str = IMAGE_ERROR) -> float:
+    def value(self, case: str, method: str, metric: str = IMAGE_ERROR) -> float:
         """Return a score; NaN where there is none."""
-        return self._values.get((case, model, metric), math.nan)
+        return super().value(case, method, metric)
 
     def seen_error(self, case: str, model: str) -> float:
         """Return the image error, or what the truth's noise hides where that is more. [%]"""
