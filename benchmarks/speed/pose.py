@@ -10,12 +10,11 @@ information matrix. Times are CPU microseconds of the process, medians of rounds
 """
 
 import argparse
-import statistics
 import sys
-import time
 from functools import partial
 
 import document
+import side_by_side
 
 FULL, QUICK = 10_000, 500
 FOCAL_PX, NOISE_PX, EDGE_M = 1300.0, 2.0, 0.1
@@ -81,13 +80,6 @@ def calls_of(points_m, points, only: list[str] | None) -> dict:
     return calls
 
 
-def microseconds_of(call, count: int) -> tuple[float, float]:
-    """Return CPU and wall microseconds per problem."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    call()
-    return 1e6 * (time.process_time() - cpu) / count, 1e6 * (time.perf_counter() - wall) / count
-
-
 def main() -> int:
     """Measure, print a table, write tidy records."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -105,22 +97,14 @@ def main() -> int:
         calls = calls_of(*batch, arguments.only)
     except ValueError as error:
         parser.error(str(error))
-    times = {name: [] for name in calls}
-    for turn in range(2 if arguments.quick else 8):
-        for name, (call, count) in calls.items():
-            taken = microseconds_of(call, count)
-            if turn > 0:  # the first fills caches
-                times[name].append(taken)
+    taken = side_by_side.timed(calls, reference=REFERENCE, turns=2 if arguments.quick else 8)
     layout = f"random{arguments.points}" if arguments.points else arguments.layout
     records = []
-    for name, taken in times.items():
+    for name, times in taken.items():
         values = {
-            "cpu_microseconds": statistics.median(cpu for cpu, _ in taken),
-            "wall_microseconds": statistics.median(wall for _, wall in taken),
-            "times_sqpnp_loop": statistics.median(
-                cpu / reference for (cpu, _), (reference, _) in zip(taken, times[REFERENCE], strict=True)
-            ),
-        }
+            "cpu_microseconds": 1e6 * times.cpu_s, "wall_microseconds": 1e6 * times.wall_s,
+            "times_sqpnp_loop": times.times_reference,
+        }  # fmt: skip
         print(
             f"{name:28s} {values['cpu_microseconds']:8.1f} us = {values['times_sqpnp_loop']:6.2f} x the SQPnP loop "
             f"(wall {values['wall_microseconds']:.1f} us)",

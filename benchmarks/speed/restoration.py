@@ -10,14 +10,13 @@ methods; `times_clahe` is the median of the ratios within a round. `wall_millise
 """
 
 import argparse
-import statistics
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import command
 import document
+import side_by_side
 
 FULL, QUICK = (640, 480), (160, 120)
 RECIPE = """
@@ -77,13 +76,6 @@ def calls_of(frame, only: list[str] | None) -> dict:
     return calls
 
 
-def milliseconds_of(call) -> tuple[float, float]:
-    """Return CPU and wall milliseconds of a call."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    call()
-    return 1e3 * (time.process_time() - cpu), 1e3 * (time.perf_counter() - wall)
-
-
 def main() -> int:
     """Measure, print a table, write tidy records."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -102,21 +94,15 @@ def main() -> int:
             calls = calls_of(frame_of(dataset, size), arguments.only)
         except ValueError as error:
             parser.error(str(error))
-    times = {name: [] for name in calls}
-    for turn in range(3 if arguments.quick else 12):
-        for name, call in calls.items():
-            taken = milliseconds_of(call)
-            if turn > 0:  # the first fills caches and tables
-                times[name].append(taken)
+    taken = side_by_side.timed(
+        {name: (call, 1) for name, call in calls.items()}, reference=REFERENCE, turns=3 if arguments.quick else 12
+    )  # fmt: skip
     records = []
-    for name, taken in times.items():
+    for name, times in taken.items():
         values = {
-            "cpu_milliseconds": statistics.median(cpu for cpu, _ in taken),
-            "wall_milliseconds": statistics.median(wall for _, wall in taken),
-            "times_clahe": statistics.median(
-                cpu / reference for (cpu, _), (reference, _) in zip(taken, times[REFERENCE], strict=True)
-            ),
-        }
+            "cpu_milliseconds": 1e3 * times.cpu_s, "wall_milliseconds": 1e3 * times.wall_s,
+            "times_clahe": times.times_reference,
+        }  # fmt: skip
         print(
             f"{name:28s} {values['cpu_milliseconds']:9.2f} ms = {values['times_clahe']:7.2f} x CLAHE "
             f"(wall {values['wall_milliseconds']:.2f} ms)",
