@@ -13,6 +13,8 @@ _STEPS = 12
 # a zero fill so large that sinc^2 vanishes beside it: what is left falls off without a zero
 _RIDGE_FILL_LN = 7.0
 _RIDGE_STATIC_LN = -3.0
+# longer ones are not the work of a lens on a texture with a ridge, only of one of them
+_LENS_AND_RIDGE_PX = 3.0
 # lengths of ridges to start from, as shares of the blur's: 1 / sqrt(3) has its curvature at 0
 _RIDGE_SHARES = (0.58, 1.0)
 
@@ -38,7 +40,8 @@ def blur_nats(
 
     blurred = loss(parameters, np.array([RIGHT, UP, *texture]), held)
     smooth = loss(_ellipses(parameters), texture, loose)
-    ridged = loss(_ridges(parameters), np.array([RIGHT, UP, STATIC, *texture]), loose)
+    short = np.hypot(parameters[RIGHT], parameters[UP]) < _LENS_AND_RIDGE_PX
+    ridged = loss(_ridges(parameters), np.array([RIGHT, UP, STATIC, *texture]), loose if short else held)
     return min(smooth, ridged) - blurred
 
 
