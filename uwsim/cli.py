@@ -306,14 +306,14 @@ def export(
 @app.command()
 def bench(
     name: Annotated[
-        str, typer.Argument(help="restoration, blur, pose, validity, validity_chart, or a benchmark's TOML file")
+        str, typer.Argument(help="A name that `uwsim scenes` lists, such as restoration, or a benchmark's TOML file")
     ],
     dataset: Annotated[Path | None, typer.Option(help="Dataset folder; default: the one the benchmark names.")] = None,
     algorithm: Annotated[list[str] | None, typer.Option(help="Name, or path of your own .py file; repeatable.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A reduced run of a few cases.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Folder for the page of restoration, validity, validity_chart; or contact sheets."),
+        typer.Option("--out", help="Folder for the page: restoration, validity, validity_chart, blur...; or sheets."),
     ] = None,
     photos: Annotated[
         Path | None, typer.Option(help="restoration: folder of real photographs and videos instead of a dataset.")

@@ -169,6 +169,7 @@ def run_benchmark(
 ):  # fmt: skip
     """Score a benchmark on a dataset; without one, on that which the benchmark names, generated under out/.
 
+    A benchmark that makes its frames takes none.
     quick: on few cases, of the benchmark's `quick_dataset` if it has one. out: folder for the page.
     checkpoint, resume, workers: as in `bench.run.run`.
     """
@@ -180,12 +181,12 @@ def run_benchmark(
     if out is not None:
         require_folder(out)
         page = page_of(name, definition.task, algorithms=algorithms)
-    if dataset is None:
+    if dataset is None and definition.frames is None:
         recipe = definition.quick_dataset if quick and definition.quick_dataset else definition.dataset
         dataset = Path("out") / Path(recipe).stem
         dataset.parent.mkdir(exist_ok=True)
         generate_dataset(recipe, dataset, resume=True, report=report)
-    opened = store.open(dataset)
+    opened = None if dataset is None else store.open(dataset)
     result = run(
         name, opened, algorithms=algorithms, quick=quick, progress=report, checkpoint=checkpoint, resume=resume,
         workers=workers,
@@ -210,11 +211,14 @@ def run_on_photographs(
 
 def page_of(name: str, task: str, *, algorithms: list[str] | None):
     """Return the module whose `write` makes the page of a benchmark; ValueError unless there is one for such a run."""
+    from uwsim.bench.blur_page import page as of_blur
     from uwsim.bench.restoration_page import page as of_restoration
     from uwsim.bench.validity import page as of_validity
 
     if task == "restoration":
         return of_restoration
+    if task in of_blur.TASKS:
+        return of_blur
     of_validity.check(name, algorithms=algorithms)
     return of_validity
 

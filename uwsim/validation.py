@@ -8,6 +8,14 @@ from pydantic import TypeAdapter, ValidationError
 
 Model = TypeVar("Model")
 
+
+def with_tuples(value: object) -> object:
+    """Return a parsed TOML or JSON value with its lists as tuples, as strict models want them."""
+    if isinstance(value, dict):
+        return {key: with_tuples(item) for key, item in value.items()}
+    return tuple(with_tuples(item) for item in value) if isinstance(value, list) else value
+
+
 # what is allowed, by pydantic's name of the problem
 _ALLOWED = {
     **dict.fromkeys(("float_type", "float_parsing"), "a number"),

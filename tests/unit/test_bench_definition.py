@@ -6,6 +6,7 @@ from uwsim.bench.definition import read_definition
 from uwsim.bench.run import TASKS
 from uwsim.discovery import names
 from uwsim.files import shipped
+from uwsim.motion_blur import estimators
 
 GOOD = {
     "task": '"blur"', "description": '"What."', "dataset": '"tiny"', "do_nothing": '"none"',
@@ -26,8 +27,9 @@ def test_shipped_definitions_name_algorithms_that_exist(name):
     known = names(TASKS[definition.task].package)
     assert title == name
     assert definition.do_nothing in known
-    assert definition.oracle in known
+    assert definition.oracle in {*known, None}
     assert set(definition.algorithms or ()) <= {*known, *definition.variants}
+    assert {variant.blur_from for variant in definition.variants.values()} <= {*names(estimators), None}
     assert {variant.algorithm for variant in definition.variants.values()} <= set(known)
 
 

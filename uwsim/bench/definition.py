@@ -4,10 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from uwsim.bench.blur_controlled.protocol import Protocol
 from uwsim.files import find_shipped, read_toml
-from uwsim.validation import validated
+from uwsim.validation import validated, with_tuples
 
 Name = Annotated[str, Field(min_length=1)]
+MAKE_THEIR_FRAMES = ("blur_controlled", "deconvolution")
+"""Tasks whose cases are made while the benchmark runs, as `frames` says."""
 
 
 class Variant(BaseModel):
@@ -18,18 +21,25 @@ class Variant(BaseModel):
     algorithm: Annotated[Name, Field(description="the file")]
     keywords: Annotated[dict[str, bool | int | float | str], Field(description="given to its function")] = {}
     fitted: Annotated[bool, Field(description="its PARAMETERS are fitted to the truth of every case")] = False
+    blur_from: Annotated[Name | None, Field(description="estimator whose blur it is given; left out: the true one")] = (
+        None
+    )
 
 
 class Definition(BaseModel):
-    """A benchmark: a task, the dataset it is scored on, and the algorithms that take part."""
+    """A benchmark: a task, the dataset it is scored on or the frames it makes, and the algorithms that take part."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     task: Annotated[
-        Literal["restoration", "blur", "pose", "validity"], Field(description="which kind of algorithm is scored")
+        Literal["restoration", "blur", "pose", "validity", *MAKE_THEIR_FRAMES],
+        Field(description="which kind of algorithm is scored"),
     ]
     description: Annotated[Name, Field(description="one sentence for tables and reports")]
-    dataset: Annotated[Name, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")]
+    dataset: Annotated[Name | None, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")] = (
+        None
+    )
+    frames: Annotated[Protocol | None, Field(description="of tasks that make their frames")] = None
     quick_dataset: Annotated[Name | None, Field(description="recipe of a smaller dataset for quick runs")] = None
     algorithms: Annotated[
         tuple[Name, ...] | None, Field(description="names in table order; left out: every file in the folder")
@@ -40,8 +50,20 @@ class Definition(BaseModel):
     quick_cases: Annotated[int, Field(ge=1, description="cases of a quick run, spread over the dataset")]
 
     @model_validator(mode="after")
+    def _cases_agree(self):
+        makes = self.task in MAKE_THEIR_FRAMES
+        needed, other = ("frames", "dataset") if makes else ("dataset", "frames")
+        if getattr(self, needed) is None:
+            raise ValueError(f"{needed}: missing, allowed: {'a table' if makes else 'a recipe'} with task {self.task}")
+        if getattr(self, other) is not None or (makes and self.quick_dataset is not None):
+            raise ValueError(f"{other}: given with task {self.task}, allowed: {needed} alone")
+        return self
+
+    @model_validator(mode="after")
     def _variants_agree(self):
         for name, variant in self.variants.items():
+            if self.task != "deconvolution" and variant.blur_from is not None:
+                raise ValueError(f"variants: {name} has blur_from, allowed: with task deconvolution")
             if self.task != "validity" and variant.fitted:
                 raise ValueError(f"variants: {name} is fitted, allowed: with task validity")
             if self.algorithms is not None and name not in self.algorithms:
@@ -72,6 +94,4 @@ def read_definition(name: str) -> tuple[str, Definition]:
 
 def definition_from(content: dict, *, where: object) -> Definition:
     """Return the definition of a parsed TOML file, or of a result's provenance; ValueError in one line."""
-    if isinstance(content.get("algorithms"), list):
-        content = content | {"algorithms": tuple(content["algorithms"])}
-    return validated(Definition, content, where=where)
+    return validated(Definition, with_tuples(content), where=where)

@@ -19,7 +19,8 @@ TITLES = {
     "usaf_transfer": "USAF transfer", "tags_found": "tags found", "sift_matches": "SIFT matches",
     "orb_matches": "ORB matches", "oracle_share": "oracle's share", "oracle_share_gain": "oracle's share, gain fitted",
     "uciqe_o": "UCIQE (O)", "uiqm_f": "UIQM (F)", "uiqm_m": "UIQM (M)", "failure_percent": "failures",
-    "detected_percent": "detected", "milliseconds": "time", "relative_radiance_error": "image error",
+    "detected_percent": "detected", "psnr_inner": "PSNR, inner", "psnr_above_blurred": "PSNR above blurred",
+    "milliseconds": "time", "relative_radiance_error": "image error",
 }  # fmt: skip
 _NOTE_KEYS = ("case", "algorithm", "metric")
 # below this an error is the round-off of the arithmetic

@@ -71,7 +71,8 @@ def _reproduce(dataset: Dataset, results: list[Result]) -> str:
     ]
     for result in results:
         quick = " --quick" if result.provenance.get("quick") else ""
-        lines.append(f"uwsim bench {result.benchmark} --dataset {folder}{quick}")
+        made = "frames" in result.provenance.get("definition", {})
+        lines.append(f"uwsim bench {result.benchmark}{'' if made else f' --dataset {folder}'}{quick}")
     text = "With the versions above and the same kind of processor the first command gives the same bytes."
     return section("reproduce", "Make it again", paragraph(text), f"<pre>{escape(chr(10).join(lines))}</pre>")
 

@@ -9,18 +9,22 @@ from types import ModuleType
 
 from uwsim import provenance
 from uwsim.bench import blur, pose, restoration, runner
+from uwsim.bench import blur_deconvolution as deconvolution
+from uwsim.bench.blur_controlled import task as blur_controlled
 from uwsim.bench.definition import Definition, Variant, read_definition
 from uwsim.bench.kept import Kept, Scores
 from uwsim.bench.records import Record, Result, record_from_score, summarise
 from uwsim.bench.scoring import Job, by_workers, scores_of
 from uwsim.bench.task import Task, spread
 from uwsim.bench.validity import task as validity
+from uwsim.dataset import store
 from uwsim.dataset.store import Dataset
 from uwsim.discovery import find, names
 from uwsim.files import sha256
 from uwsim.metrics import METRICS
 
-TASKS: dict[str, Task] = {task.name: task for task in (restoration.TASK, blur.TASK, pose.TASK, validity.TASK)}
+_TASKS = (restoration.TASK, blur.TASK, blur_controlled.TASK, deconvolution.TASK, pose.TASK, validity.TASK)
+TASKS: dict[str, Task] = {task.name: task for task in _TASKS}
 Progress = Callable[[str, int, int], None]
 
 
@@ -35,11 +39,13 @@ class Algorithm:
 
 
 def run(
-    name: str, dataset: Dataset, *, algorithms: list[str] | None = None, quick: bool = False,
+    name: str, dataset: Dataset | None = None, *, algorithms: list[str] | None = None, quick: bool = False,
     progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False,
     workers: int = 1,
 ) -> Result:  # fmt: skip
     """Score algorithms on a dataset; `name`: a shipped benchmark, or the path of its TOML file.
+
+    `dataset`: None for benchmarks that make their frames, and for these alone.
 
     `algorithms`: names choose among the definition's (the do-nothing entry and the oracle stay), paths of
     `.py` files are added to it. `quick`: only `quick_cases` cases, spread over the dataset.
@@ -52,6 +58,7 @@ def run(
     task = TASKS[definition.task]
     choices = select(task, definition, algorithms)
     chosen = [load(task, choice, definition.variants) for choice in choices]
+    dataset, open_dataset = source(title, task, definition, dataset, quick=quick)
     cases = task.case_names(dataset)
     if quick:
         cases = spread(cases, definition.quick_cases)
@@ -60,7 +67,7 @@ def run(
     kept = None
     if checkpoint is not None:
         kept = Kept(checkpoint, identity=_identity(title, definition, dataset, chosen), resume=resume)
-    job = Job(task.name, dataset.folder, tuple(choices), definition.variants)
+    job = Job(task.name, open_dataset, tuple(choices), definition.variants)
     found = {} if kept is None else {name: scores for name in cases if (scores := kept.scores(name)) is not None}
     left = [name for name in cases if name not in found]
     report = progress or (lambda *_: None)
@@ -71,6 +78,19 @@ def run(
             kept.add(name, scores)
         report(f"{title}: {name}", len(found), len(cases))
     return _result(title, task, definition, dataset, chosen, {name: found[name] for name in cases}, quick=quick)
+
+
+def source(
+    title: str, task: Task, definition: Definition, dataset: Dataset | None, *, quick: bool
+) -> tuple[object, Callable[[], object]]:
+    """Return the dataset, or what stands for it where a benchmark makes its frames, and what opens it elsewhere."""
+    if (task.frames is None) != (dataset is not None):
+        got, allowed = ("a dataset", "none: it makes its frames") if dataset else ("none", "a dataset")
+        raise ValueError(f"{title}: dataset: got {got}, allowed: {allowed}")
+    if dataset is not None:
+        return dataset, partial(store.open, dataset.folder)
+    open_dataset = partial(task.frames, definition.frames, quick=quick)
+    return open_dataset(), open_dataset
 
 
 def _result(
@@ -134,7 +154,7 @@ def _identity(title: str, definition: Definition, dataset: Dataset, chosen: list
     return {
         "benchmark": title,
         "definition": definition.model_dump(mode="json"),
-        "dataset": sha256(dataset.folder / "dataset.json"),
+        "dataset": dataset.sha256,
         "algorithms": {algorithm.name: sha256(Path(algorithm.module.__file__)) for algorithm in chosen},
         "versions": provenance.versions(),
         "commit": provenance.commit(),
@@ -192,7 +212,7 @@ def _varied(module: ModuleType, function: str, variant: Variant) -> ModuleType:
     made = ModuleType(module.__name__, module.__doc__)
     made.__dict__.update(vars(module))
     setattr(made, function, partial(getattr(module, function), **variant.keywords))
-    made.FITTED = variant.fitted
+    made.FITTED, made.BLUR_FROM = variant.fitted, variant.blur_from
     return made
 
 
@@ -236,14 +256,10 @@ def unscored_notes(found: dict[str, Scores]) -> list[str]:
 
 
 def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:
-    unused = {key for key in ("quick_dataset", "variants") if not getattr(definition, key)}
+    unused = {key for key in ("dataset", "frames", "quick_dataset", "variants") if not getattr(definition, key)}
     return {
         "definition": definition.model_dump(mode="json", exclude=unused),
-        "dataset": {
-            "name": dataset.name,
-            "seed": dataset.manifest["seed"],
-            "sha256": sha256(dataset.folder / "dataset.json"),
-        },
+        "dataset": {"name": dataset.name, "seed": dataset.seed, "sha256": dataset.sha256},
         "cases": cases,
         "quick": quick,
         "versions": provenance.versions(),

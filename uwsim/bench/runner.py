@@ -65,7 +65,8 @@ def own(value: object) -> object:
     if isinstance(value, dict):
         return {key: own(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return type(value)(own(item) for item in value)
+        items = [own(item) for item in value]
+        return value._make(items) if hasattr(value, "_make") else type(value)(items)
     return value
 
 
@@ -88,19 +89,32 @@ def image_call(
     module: ModuleType, name: str, function: str, *, image: np.ndarray, wanted: tuple[str, ...],
     makers: Makers, where: str,
 ) -> tuple[object, float]:  # fmt: skip
-    """Call an image method on the stored picture (H, W, 3) uint8, converted to its INPUT.
+    """Call an image method on the picture (H, W, 3), converted to its INPUT: stored as uint8 sRGB, or float32 linear.
 
     Returns (output, milliseconds). Raises ValueError if the method raises or writes into its input, NotInFrame for an
     input that is not there.
     """
     kind = input_kind(module, name)
-    converted = own(image) if kind == "srgb_uint8" else linear_from_srgb_uint8(image)
+    converted = _converted(image, kind)
     before = converted.copy()
     inputs = permitted(wanted, makers)
     output, elapsed_ms = timed(entry(module, name, function), converted, where=where, **inputs)
     if not np.array_equal(converted, before):
         raise ValueError(f"{where}: the input image was modified; a method returns a new image")
     return output, elapsed_ms
+
+
+def _converted(image: np.ndarray, kind: str) -> np.ndarray:
+    """Return a copy of a picture, uint8 sRGB or float32 linear, as the kind that is wanted."""
+    if (image.dtype == np.uint8) == (kind == "srgb_uint8"):
+        return own(image)
+    return srgb_uint8_from_linear(image) if kind == "srgb_uint8" else linear_from_srgb_uint8(image)
+
+
+def checked_linear(output: object, *, kind: str, shape: tuple[int, ...], where: str) -> np.ndarray:
+    """Return a restored picture as float32 linear; ValueError unless kind, shape and range are the input's."""
+    checked_picture(output, kind=kind, shape=shape, where=where)
+    return _converted(output, "linear_float32")
 
 
 def checked_picture(output: object, *, kind: str, shape: tuple[int, ...], where: str) -> np.ndarray:

@@ -2,16 +2,14 @@
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from uwsim import workers
 from uwsim.bench.definition import Variant
 from uwsim.bench.kept import Scores
 from uwsim.bench.task import Case, Task
-from uwsim.dataset import store
 
 # of the libraries that algorithms call: in worker processes one each, or they stand in each other's way
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -19,10 +17,10 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker process must know: the task's name, the dataset's folder, and which algorithms take part."""
+    """What a worker process must know: the task's name, what opens the dataset, and which algorithms take part."""
 
     task: str
-    dataset: Path
+    open_dataset: Callable[[], object]
     choices: tuple[str, ...]
     variants: Mapping[str, Variant]
 
@@ -68,7 +66,7 @@ class _Worker:
     def __init__(self, job: Job):
         from uwsim.bench.run import TASKS, load
 
-        self.task, self.dataset, self.warm = TASKS[job.task], store.open(job.dataset), False
+        self.task, self.dataset, self.warm = TASKS[job.task], job.open_dataset(), False
         loaded = [load(self.task, choice, job.variants) for choice in job.choices]
         self.algorithms = [algorithm for algorithm in loaded if not algorithm.missing]
 

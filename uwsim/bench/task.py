@@ -46,7 +46,9 @@ class Task:
     `relate(scores, do_nothing, oracle)` -> the scores of a case by algorithm with the metrics `relative` added, which
     compare algorithms with each other: where the benchmark has an oracle, else there are none of these;
     `findings(dataset, scores)` -> {name: {"caption", "head", "rows"}}: small tables over all cases, {case: scores by
-    algorithm}, that go into the provenance and below the tables; a cell is a text, a number or None.
+    algorithm}, that go into the provenance and below the tables; a cell is a text, a number or None;
+    `frames(protocol, quick)` -> what stands for the dataset in a task that makes its own cases; it has `name`, `seed`
+    and `sha256`, as a dataset has.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Task:
     relate: Callable[[Scores, str, str], Scores] = lambda scores, do_nothing, oracle: scores
     relative: tuple[str, ...] = ()
     findings: Callable[[Dataset, dict[str, Scores]], dict[str, dict]] = lambda dataset, scores: {}
+    frames: Callable[..., object] | None = None
 
 
 def sensor_keywords(frame: Frame) -> dict:

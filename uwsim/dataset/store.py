@@ -43,6 +43,15 @@ class Dataset:
     def name(self) -> str:
         return self.manifest["name"]
 
+    @property
+    def seed(self) -> int:
+        return self.manifest["seed"]
+
+    @property
+    def sha256(self) -> str:
+        """Hash of dataset.json, which holds those of all files."""
+        return sha256(self.folder / "dataset.json")
+
 
 def open(folder: Path) -> Dataset:  # noqa: A001 (the published name is uwsim.dataset.open)
     """Open a complete dataset; ValueError in one line if it is missing, unfinished or of another format."""

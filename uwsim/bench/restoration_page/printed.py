@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.files import read_toml, shipped
-from uwsim.validation import validated
+from uwsim.validation import validated, with_tuples
 
 Name = Annotated[str, Field(min_length=1)]
 
@@ -125,11 +125,4 @@ class Printed(Strict):
 def printed() -> Printed:
     """Return the printed numbers; ValueError in one line if the file is broken."""
     path = shipped("benchmarks") / "printed" / "restoration.toml"
-    return validated(Printed, _with_tuples(read_toml(path)), where=path)
-
-
-def _with_tuples(value: object) -> object:
-    """Return a parsed TOML value with its lists as tuples, as strict models want them."""
-    if isinstance(value, dict):
-        return {key: _with_tuples(item) for key, item in value.items()}
-    return tuple(_with_tuples(item) for item in value) if isinstance(value, list) else value
+    return validated(Printed, with_tuples(read_toml(path)), where=path)

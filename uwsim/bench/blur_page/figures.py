@@ -1,0 +1,106 @@
+"""Figures of the blur page that the scores alone make."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from uwsim.bench.blur_page.study import OURS, PRINTED, Study, title
+from uwsim.bench.canvas import new_figure, save
+from uwsim.metrics.blur import MEDIAN_OVER_SD
+
+LEAST_SHOWN = 1e-3
+
+
+def errors_over_length(study: Study, path: Path, *, cases: list[str]) -> None:
+    """Draw the median errors over the length of the blur, and below them what the bound allows."""
+    figure, (panels,) = new_figure(1, 2, width=5.5, height=4.4)
+    steps = study.steps("length_px", cases)
+    of_length = [[case for case in cases if study.conditions[case]["length_px"] == step] for step in steps]
+    for panel, (quantity, unit) in zip(panels, (("length", "px"), ("angle", "deg")), strict=True):
+        metric = f"{quantity}_error_{unit}"
+        _lines(panel, study, steps, lambda name, n, metric=metric: study.median(name, metric, of_length[n]))
+        bounds = [[study.bound(case, quantity) for case in found] for found in of_length]
+        bound = [MEDIAN_OVER_SD * np.nanmedian(found) for found in bounds]
+        panel.plot(steps, bound, "k:", linewidth=2, label="Cramer-Rao bound (median error at it)")
+        panel.set(xlabel="length of the blur [px]", ylabel=f"{quantity} error [{unit}], median", yscale="log")
+        panel.set_ylim(bottom=LEAST_SHOWN)
+        panel.grid(color="0.9")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    save(figure, path)
+
+
+def failures(study: Study, path: Path, *, cases: list[str]) -> None:
+    """Draw the share of failures over the length of the blur, and over the noise."""
+    figure, (panels,) = new_figure(1, 2, width=5.5, height=4, sharey=True)
+    labels = {"length_px": "length of the blur [px]", "noise_percent": "noise [% of white]"}
+    for panel, (key, label) in zip(panels, labels.items(), strict=True):
+        steps = study.steps(key, cases)
+        groups = [[case for case in cases if study.conditions[case][key] == step] for step in steps]
+        _lines(panel, study, steps, lambda name, n, groups=groups: study.mean(name, "failure_percent", groups[n]))
+        panel.set(xlabel=label, ylim=(-2, 102))
+        panel.grid(color="0.9")
+    panels[0].set_ylabel("failures [%]")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    save(figure, path)
+
+
+def deconvolution_gains(study: Study, path: Path, *, cases: list[str], goals: dict[float, float], noise: float) -> None:
+    """Draw the gain in PSNR over the blurred frame, and the share of frames made worse, over the length of the blur.
+
+    goals: gain by length [px]; noise: of the cases [%].
+    """
+    figure, (panels,) = new_figure(1, 2, width=5.5, height=4.6)
+    steps = study.steps("length_px", cases)
+    groups = [[case for case in cases if study.conditions[case]["length_px"] == step] for step in steps]
+    shown = {
+        "psnr_above_blurred": ("PSNR above the blurred frame [dB], median", study.median),
+        "made_worse_percent": ("frames made worse [%]", study.mean),
+    }  # fmt: skip
+    for panel, (metric, (label, statistic)) in zip(panels, shown.items(), strict=True):
+        _lines(panel, study, steps, lambda name, n, m=metric, s=statistic: s(name, m, groups[n]), raw=False)
+        panel.axhline(0, color="0.3", linewidth=1)
+        panel.set(xlabel=f"length of the blur [px], noise {noise:g} %", ylabel=label)
+        panel.grid(color="0.9")
+    panels[0].plot(list(goals), list(goals.values()), "k_", markersize=14, label="goal of mmse")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=7)
+    save(figure, path)
+
+
+def rendered(study: Study, path: Path, *, groups: dict[str, list[str]]) -> None:
+    """Draw failures and the error of the field by group of rendered frames."""
+    figure, (panels,) = new_figure(1, 2, width=6, height=4.6)
+    places = list(range(len(groups)))
+    found = list(groups.values())
+    shown = {
+        "failure_percent": ("failures [%]", study.mean),
+        "field_error_px": ("error of the field [px], median", study.median),
+    }  # fmt: skip
+    for panel, (metric, (label, statistic)) in zip(panels, shown.items(), strict=True):
+        _lines(panel, study, places, lambda name, n, m=metric, s=statistic: s(name, m, found[n]), joined=False)
+        panel.set(ylabel=label)
+        panel.set_xticks(places, list(groups), rotation=60, ha="right", fontsize=7)
+        panel.grid(axis="y", color="0.9")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    save(figure, path)
+
+
+def _lines(
+    panel, study: Study, steps: list, of: Callable[[str, int], float], *, raw: bool = True, joined: bool = True
+) -> None:
+    """Draw of(method, number of the step) per method, as a line or, where steps are no scale, as points."""
+    for index, method in enumerate(study.methods):
+        if method == study.raw and not raw:
+            continue
+        heights = [of(method, number) for number in range(len(steps))]
+        if all(map(math.isnan, heights)):
+            continue
+        own = method.endswith(OURS) or method == PRINTED
+        yardstick = {study.raw: "--", study.oracle: "-."}.get(method)
+        style = yardstick or ("-" if index < 10 else ":")
+        panel.plot(
+            steps, np.maximum(heights, LEAST_SHOWN) if panel.get_yscale() == "log" else heights, label=title(method),
+            color="0.6" if yardstick else f"C{index % 10}", linestyle=style if joined else "",
+            linewidth=2.4 if own else 1.2, marker="o" if own else ".",
+        )  # fmt: skip
