@@ -365,18 +365,45 @@ def restore(
     json: JsonOut = None,
 ) -> None:
     """Restore photographs and print their no-reference scores, before and after."""
-    from uwsim import commands
+    from uwsim import photographs
 
     if json not in (None, "-"):
         _parent(Path(json))
     with _progress() as report:
-        rows = commands.restore_photographs(method, images, out, report=report)
+        rows = photographs.restore_photographs(method, images, out, report=report)
     if json is not None:
         import json as json_module
 
         _write_json(json, json_module.dumps(rows, indent=1) + "\n")
     if json != "-":
-        _print(commands.restoration_table(rows))
+        _print(photographs.restoration_table(rows))
+
+
+@app.command()
+def deblur(
+    method: Annotated[str, typer.Argument(help="Name of a deconvolution method, or the path of your own .py file")],
+    images: Annotated[list[Path], typer.Argument(help="8-bit colour photographs")],
+    out: Out,
+    estimator: Annotated[str | None, typer.Option(help="Blur estimator that says how each picture is blurred.")] = None,
+    length_px: Annotated[float | None, typer.Option(help="Length of the blur, if known; with --angle-deg.")] = None,
+    angle_deg: Annotated[float | None, typer.Option(help="Its direction: x right, y up, modulo 180.")] = None,
+    json: JsonOut = None,
+) -> None:
+    """Undo the straight, uniform motion blur of photographs and print what it was taken to be."""
+    from uwsim import photographs
+
+    if json not in (None, "-"):
+        _parent(Path(json))
+    with _progress() as report:
+        rows = photographs.deblur_photographs(
+            method, images, out, estimator=estimator, length_px=length_px, angle_deg=angle_deg, report=report
+        )
+    if json is not None:
+        import json as json_module
+
+        _write_json(json, json_module.dumps(rows, indent=1) + "\n")
+    if json != "-":
+        _print(photographs.deblurring_table(rows))
 
 
 @app.command()

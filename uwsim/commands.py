@@ -230,57 +230,6 @@ def read_result(path: Path) -> dict:
     return read(path).to_dict()
 
 
-def restore_photographs(method: str, images: list[Path], out: Path, *, report: Report) -> list[dict]:
-    """Restore photographs into `out`/<name>.png; every input is read and restored before anything is written.
-
-    Returns one row per picture: `image`, `method`, `milliseconds`, and before and after of each no-reference metric.
-    """
-    from uwsim import discovery
-    from uwsim.bench import restoration as bench
-    from uwsim.bench.restoration.scores import no_reference_scores
-    from uwsim.bench.task import Case
-    from uwsim.images import read_srgb, write_png
-    from uwsim.restoration import algorithms
-
-    module = discovery.find(algorithms, method)
-    name = module.__name__.rpartition(".")[2]
-    if missing := discovery.missing_packages(module):
-        raise ValueError(f"{name}: needs {', '.join(missing)}, not installed")
-    if needs := tuple(getattr(module, "NEEDS", ())):
-        raise ValueError(f"{name}: needs {', '.join(needs)}, which a photograph does not come with")
-    require_folder(out)
-    pictures = [read_srgb(path) for path in images]
-    names = [f"{path.stem}.png" for path in images]
-    if repeated := sorted({n for n in names if names.count(n) > 1}):
-        raise ValueError(f"images: two would be written to {out / repeated[0]}, allowed: different names")
-    if over := [path for path, n in zip(images, names, strict=True) if (out / n).resolve() == path.resolve()]:
-        raise ValueError(f"--out {out}: {over[0]} would be overwritten, allowed: another folder")
-    rows, restored = [], []
-    for done, (path, picture) in enumerate(zip(images, pictures, strict=True)):
-        report(f"{name}: {path.name}", done, len(images))
-        output, elapsed_ms = bench.restored(module, name, (), Case(str(path), picture, makers={}, truth=None))
-        before, after = no_reference_scores(picture), no_reference_scores(output)
-        scores = {key: {"before": before[key], "after": after[key]} for key in before}
-        rows.append({"image": path.name, "method": name, "milliseconds": elapsed_ms} | scores)
-        restored.append(output)
-    out.mkdir(exist_ok=True)
-    for file, picture in zip(names, restored, strict=True):
-        write_png(out / file, picture)
-    return rows
-
-
-def restoration_table(rows: list[dict]) -> str:
-    """Return the rows of `restore_photographs` as a Markdown table."""
-    metrics = [key for key, value in rows[0].items() if isinstance(value, dict)]
-    lines = [f"| image | {' | '.join(f'{m} before | after' for m in metrics)} | time [ms] |"]
-    lines.append("|---" * (2 * len(metrics) + 2) + "|")
-    for row in rows:
-        scores = " | ".join(f"{row[m]['before']:.3f} | {row[m]['after']:.3f}" for m in metrics)
-        lines.append(f"| {row['image']} | {scores} | {row['milliseconds']:.1f} |")
-    lines.append("\nNo-reference scores say little about truth: white noise has a UCIQE-O of 0.662.")
-    return "\n".join(lines)
-
-
 def write_page(dataset: Path, out: Path, results: list[dict], *, gallery: str | None = None) -> None:
     """Write the report of a dataset and of benchmark results on it; `gallery`: address of one to link to."""
     from uwsim.bench.report import write_report

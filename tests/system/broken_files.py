@@ -133,6 +133,9 @@ BENCHES = [
 ]  # fmt: skip
 
 GREY = np.zeros((8, 8), np.uint8)
+MOSTLY_WHITE = np.full((64, 64, 3), 255, np.uint8)
+MOSTLY_WHITE[:10] = 90
+KNOWN = ("--length-px", "4", "--angle-deg", "30")
 PHOTOGRAPHS = [
     call("restore unknown method", ("restore", "magic", "a.png", "--out", "out"), "'magic'", "clahe"),
     call("restore missing image", ("restore", "clahe", "nothing.png", "--out", "out"), "nothing.png", "no such"),
@@ -161,6 +164,32 @@ PHOTOGRAPHS = [
     call("restore no function", ("restore", "mine.py", "a.png", "--out", "out"), "mine", "restore()",
          prepare=lambda folder: put(folder, "mine.py", "pass")),
     call("restore nothing", ("restore", "clahe", "--out", "out"), "'images'"),
+    call("deblur unknown method", ("deblur", "magic", "a.png", "--out", "out", *KNOWN), "'magic'", "wiener"),
+    call("deblur unknown estimator", ("deblur", "wiener", "a.png", "--out", "out", "--estimator", "magic"), "'magic'",
+         "cepstrum_minimum"),
+    call("deblur no blur", ("deblur", "wiener", "a.png", "--out", "out"), "--estimator", "--length-px"),
+    call("deblur half a blur", ("deblur", "wiener", "a.png", "--out", "out", "--length-px", "4"), "--angle-deg"),
+    call("deblur two blurs", ("deblur", "wiener", "a.png", "--out", "out", "--estimator", "none", *KNOWN),
+         "--estimator", "--length-px"),
+    call("deblur negative", ("deblur", "wiener", "a.png", "--out", "out", "--length-px", "-4", "--angle-deg", "0"),
+         "-4"),
+    call("deblur not finite", ("deblur", "wiener", "a.png", "--out", "out", "--length-px", "4", "--angle-deg", "nan"),
+         "nan", "--angle-deg"),
+    call("deblur too long", ("deblur", "mmse", "a.png", "--out", "out", "--length-px", "40", "--angle-deg", "0"),
+         "a.png", "40 px", "32"),
+    call("deblur with truth", ("deblur", "wiener", "a.png", "--out", "out", "--estimator", "oracle_sharp"),
+         "oracle_sharp", "sharp"),
+    call("deblur missing image", ("deblur", "wiener", "nothing.png", "--out", "out", *KNOWN), "nothing.png", "no such"),
+    call("deblur tiny image", ("deblur", "wiener", "b.png", "--out", "out", *KNOWN), "b.png", "16",
+         prepare=lambda folder: picture(folder, "b.png", np.zeros((8, 8, 3), np.uint8))),
+    call("deblur constant image", ("deblur", "wiener", "a.png", "b.png", "--out", "out", *KNOWN), "b.png", "constant",
+         prepare=lambda folder: picture(folder, "b.png", np.full((64, 64, 3), 90, np.uint8))),
+    call("deblur white image", ("deblur", "wiener", "b.png", "--out", "out", *KNOWN), "b.png", "white",
+         prepare=lambda folder: picture(folder, "b.png", MOSTLY_WHITE)),
+    call("deblur over its input", ("deblur", "wiener", "a.png", "--out", ".", *KNOWN), "a.png"),
+    call("deblur below nothing", ("deblur", "wiener", "a.png", "--out", "no/out", *KNOWN), "no/out", "does not exist"),
+    call("deblur no function", ("deblur", "mine.py", "a.png", "--out", "out", *KNOWN), "mine", "deblur()",
+         prepare=lambda folder: put(folder, "mine.py", "pass")),
     call("report no dataset", ("report", "--dataset", "nothing", "--out", "page.html"), "nothing", "no dataset"),
     call("report below nothing", ("report", "--dataset", "data", "--out", "no/page.html"), "no/page.html"),
     call("report result missing", ("report", "--dataset", "data", "--out", "page.html", "--bench", "r.json"),

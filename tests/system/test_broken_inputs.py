@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.system.broken import RECIPE, RENDER, RESTORATION, SCENE, WRONG_PLY, Case, call, picture, put
-from tests.system.broken_files import BENCHES, CHECKS, OUTPUTS, PHOTOGRAPHS
+from tests.system.broken_files import BENCHES, CHECKS, KNOWN, OUTPUTS, PHOTOGRAPHS
 from tests.system.broken_placement import MOTIONS, PLACEMENTS, cube
 from tests.system.broken_scenes import NAMED, RECIPES, SCENES
 from tests.unit import synthetic
@@ -98,6 +98,8 @@ def test_a_process_of_its_own_refuses_alike(name, sound, tmp_path):
         ((*RENDER, "--geometry-only"), {"out", "out/geometry.exr"}),
         (("check", "data"), set()),
         (("restore", "none", "a.png", "--out", "out"), {"out", "out/a.png"}),
+        (("deblur", "mmse", "a.png", "--out", "out", "--estimator", "cepstrum_minimum"), {"out", "out/a.png"}),
+        (("deblur", "wiener", "a.png", "--out", "out", *KNOWN), {"out", "out/a.png"}),
         ((*RESTORATION, "--quick", "--json", "result.json"), {"result.json"}),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",

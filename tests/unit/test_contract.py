@@ -9,14 +9,16 @@ import pytest
 from uwsim.camera.lens import Lens
 from uwsim.discovery import discover, load_file, missing_packages
 from uwsim.images import linear_from_srgb_uint8
-from uwsim.motion_blur import estimators
+from uwsim.motion_blur import deconvolvers, estimators
+from uwsim.motion_blur.estimate import Estimate
+from uwsim.motion_blur.kernels import blur
 from uwsim.pose import solvers
 from uwsim.restoration import algorithms
 
 HEIGHT_PX, WIDTH_PX = 48, 64
 LENS = Lens(K=np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]]))
 KINDS = ("srgb_uint8", "linear_float32")
-PACKAGES = {"restore": algorithms, "estimate": estimators, "solve": solvers}
+PACKAGES = {"restore": algorithms, "estimate": estimators, "deblur": deconvolvers, "solve": solvers}
 FOUND = [
     pytest.param(function, module, id=f"{function}-{name}")
     for function, package in PACKAGES.items()
@@ -85,6 +87,7 @@ def image_inputs():
         "direct_gain": transmission.astype(np.float32),
         "noise_std": np.full((HEIGHT_PX, WIDTH_PX, 3), 0.01, np.float32),
         "sharp": linear_from_srgb_uint8(picture()),
+        "blur": Estimate(6.0, 30.0),
     }  # fmt: skip
 
 
@@ -144,7 +147,18 @@ def check_header(function, module):
 
 def check_restore(module):
     image = picture() if module.INPUT == "srgb_uint8" else linear_from_srgb_uint8(picture())
-    first = called("restore", module, image, known=image_inputs())
+    check_image_method("restore", module, image)
+
+
+def check_deblur(module):
+    assert module.NEEDS == ("blur",), "NEEDS more than the blur"
+    image = linear_from_srgb_uint8(picture())
+    check_image_method("deblur", module, blur(image, length_px=6, angle_deg=30).clip(0, 1))
+    assert_same(module.deblur(image, blur=Estimate(0.0, 0.0)), image, "changes a picture without blur")
+
+
+def check_image_method(function, module, image):
+    first = called(function, module, image, known=image_inputs())
     assert isinstance(first, np.ndarray), "returns no array"
     assert first.dtype == image.dtype, "changes the type"
     assert first.shape == image.shape, "changes the shape"
@@ -152,7 +166,7 @@ def check_restore(module):
     assert first.min() >= 0, "leaves the range"
     assert first.max() <= (255 if image.dtype == np.uint8 else 1), "leaves the range"
     assert not np.shares_memory(first, image), "returns its input"
-    assert_same(first, called("restore", module, image, known=image_inputs()), "differs from call to call")
+    assert_same(first, called(function, module, image, known=image_inputs()), "differs from call to call")
 
 
 def check_estimate(module):
@@ -184,7 +198,7 @@ def check_solve(module):
             called("solve", module, points_m[:, :few], points[:, :few], known=fewer)
 
 
-CHECKS = {"restore": check_restore, "estimate": check_estimate, "solve": check_solve}
+CHECKS = {"restore": check_restore, "estimate": check_estimate, "deblur": check_deblur, "solve": check_solve}
 
 
 @pytest.mark.parametrize("function, module", FOUND)
@@ -199,7 +213,8 @@ def test_contract(function, module):
 def test_do_nothing_entry_and_oracle_exist(function):
     names = set(discover(PACKAGES[function]))
     assert names & {"none", "frontal"}
-    assert any(name.startswith("oracle_") for name in names)
+    # a deconvolver given the true blur is the oracle
+    assert function == "deblur" or any(name.startswith("oracle_") for name in names)
 
 
 HEADER = '"""Text.\n\nSource: none.\n"""\nimport numpy as np\nINPUT = "srgb_uint8"\nNEEDS = ()\n'

@@ -48,7 +48,7 @@ RULES: dict[str, set[str]] = {
 # modules with a rule of their own, and two packages' __init__, which run before any of their modules
 NARROW: dict[str, set[str]] = dict.fromkeys(("", *LEAVES), set()) | dict.fromkeys(("dataset", *STORE), STORE)
 # the command line and what its commands do; nothing below may import either
-EVERYTHING = {"cli", "commands", "demonstration", "optics_page", "summaries", "__main__"}
+EVERYTHING = {"cli", "commands", "demonstration", "optics_page", "photographs", "summaries", "__main__"}
 RENDERER = {"mitsuba", "drjit"}
 
 
