@@ -181,7 +181,7 @@ def run_benchmark(
     if out is not None:
         require_folder(out)
         page = page_of(name, definition.task, algorithms=algorithms)
-    if dataset is None and definition.frames is None:
+    if dataset is None and definition.made_from is None:
         recipe = definition.quick_dataset if quick and definition.quick_dataset else definition.dataset
         dataset = Path("out") / Path(recipe).stem
         dataset.parent.mkdir(exist_ok=True)
