@@ -29,7 +29,9 @@ class Fit:
     precision: np.ndarray  # (19,) of the prior
 
 
-def refine(frequencies: Frequencies, power: np.ndarray, start: np.ndarray, *, limit_px: float, prior, free=None) -> Fit:
+def refine(
+    frequencies: Frequencies, power: np.ndarray, start: np.ndarray, *, limit_px: float, prior, free=None
+) -> Fit:
     """Return the fit to a periodogram (H, W // 2 + 1), float32, of the parameters with indices `free` (default all).
 
     `start` (19,); `prior` as `model.prior` gives it.

@@ -67,8 +67,7 @@ class Frequencies:
         right = mirrored[:, columns - 2 + odd : columns - 2 + odd - reach : -1]
         padded = np.concatenate([left, rows, right], axis=1)
         return sum(
-            factor * padded[:, shift : shift + columns]
-            for shift, factor in enumerate(self.leakage[1].astype(rows.dtype))
+            factor * padded[:, shift : shift + columns] for shift, factor in enumerate(self.leakage[1].astype(rows.dtype))
         )
 
 

@@ -101,9 +101,7 @@ def _from_cepstrum(frequencies: Frequencies, power: np.ndarray, limit_px: float)
     rows, columns = np.arange(-reach, 1), np.arange(-reach, reach + 1)
     near = cepstrum[np.ix_(rows % height, columns % width)]
     distance = np.hypot(rows[:, None], columns[None, :])
-    searched = (
-        (distance >= _SHORTEST_START_PX) & (distance <= limit_px) & ((rows[:, None] < 0) | (columns[None, :] > 0))
-    )
+    searched = (distance >= _SHORTEST_START_PX) & (distance <= limit_px) & ((rows[:, None] < 0) | (columns[None, :] > 0))
     searched &= near == minimum_filter(near, 3)
     row, column = np.nonzero(searched)
     deepest = np.argsort(near[row, column])[:CEPSTRUM_STARTS]
