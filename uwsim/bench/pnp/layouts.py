@@ -32,7 +32,7 @@ def is_random(layout: str) -> bool:
 
 def is_flat(layout: str) -> bool:
     """Return whether the points of a layout lie in a plane."""
-    return not is_random(layout) and np.linalg.matrix_rank(LAYOUTS[layout] - LAYOUTS[layout].mean(axis=0)) < 3
+    return not is_random(layout) and bool(np.linalg.matrix_rank(LAYOUTS[layout] - LAYOUTS[layout].mean(axis=0)) < 3)
 
 
 def size_m(layout: str, edge_m: float | None) -> float | None:

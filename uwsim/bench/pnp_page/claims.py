@@ -278,9 +278,9 @@ def _off_axis_real(known: Printed, study: PoseStudy) -> Verdict:
     for quantity in ("rotation_deg", "translation_percent"):
         rows = [[row[place] for row in getattr(table, quantity).values()] for table in known.table]
         spans[quantity] = max(max(row) - min(row) for row in rows)
+    turn, shift = spans["rotation_deg"], spans["translation_percent"]
     return Verdict(
-        _word([spans["rotation_deg"] <= 0.7, spans["translation_percent"] <= 1.0]),
-        f"tables 5.1 to 5.5: at most {spans['rotation_deg']:.2f} deg and {spans['translation_percent']:.2f} % by offset",
+        _word([turn <= 0.7, shift <= 1.0]), f"tables 5.1 to 5.5: at most {turn:.2f} deg and {shift:.2f} % by offset"
     )
 
 

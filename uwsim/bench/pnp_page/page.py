@@ -88,8 +88,8 @@ _METHOD = """- ML*: the least reprojection error reached from the true pose; an 
   percent. Problems without a pose count as infinite errors in medians and as failures; means are over the poses.
 - Failed: a rotation error above five times the 95 % quantile of ML* in that setting.
 - Missed: what least-squares refinement makes of the pose is above the best known minimum, the least that is reached
-  from the truth and from 24 rotations over all. In flat targets the second minimum may be the lower one: a pose there is
-  a flip, whatever the solver.
+  from the truth and from 24 rotations over all. In flat targets the second minimum may be the lower one: a pose there
+  is a flip, whatever the solver.
 - Intervals: percentiles of a paired bootstrap in each setting, the same draws for every solver. Of geometric means: as
   of independent settings; between two solvers as if they were independent as well, which is too wide.
 - Noise is a standard deviation in pixels of each coordinate. `k_`: with the focal length of 5.32.
