@@ -267,8 +267,8 @@ class TestWeights:
             parallel_weighted.solve(placed.points_m, points, form="none")
 
     def test_the_covariance_beats_equal_weights(self):
-        """Medians of 800 paired trials; Monte Carlo error of such a ratio is about 3 %."""
-        placed, points = noisy_problems("bi6", noise_px=1, count=800)
+        """Medians of 600 paired trials; Monte Carlo error of such a ratio is about 3 %."""
+        placed, points = noisy_problems("bi6", noise_px=1, count=600)
         _, reference = errors(paraperspective_lm.solve(placed.points_m, points), placed)
         _, plain = errors(parallel.solve(placed.points_m, points), placed)
         _, weighted = errors(parallel_covariance.solve(placed.points_m, points), placed)
@@ -304,7 +304,7 @@ def test_best_reaches_the_minimum_next_to_the_truth(target, low_m, high_m):
 def test_more_starts_find_what_two_miss():
     """Four points close to the camera. Control: without RPnP some minima are missed."""
     rng = np.random.default_rng(8)
-    placed = problems.at_depth(problems.layout("st4", edge_m=0.1), depth_m=0.09, count=500, rng=rng)
+    placed = problems.at_depth(problems.layout("st4", edge_m=0.1), depth_m=0.09, count=300, rng=rng)
     points = problems.images(placed, focal_px=FOCAL_PX, noise_px=0.45, rng=rng)
     _, _, cost = least_from_the_truth(placed, points)
     missed = {
@@ -345,15 +345,17 @@ class TestFlat:
         assert np.median(rotation_error_deg(moved, half)) > 5
 
     def test_the_ratio_warns_of_flips(self):
-        """Wrong poses of noisy squares have a low ratio, right ones are mostly far from their twin in cost."""
-        placed, points = noisy_problems("pl4", noise_px=4, count=1500, seed=3)
+        """Wrong poses of noisy squares are those with a low ratio, in the median by half. Control: right ones alone."""
+        placed, points = noisy_problems("pl4", noise_px=4, count=600, seed=3)
         solution = best.solve(placed.points_m, points)
         turned, _ = errors(solution, placed)
         ratio = solution.twin.cost_ratio
         flipped = (turned > 25) & np.isfinite(ratio)
         assert flipped.mean() > 0.03
         right = (turned < 10) & np.isfinite(ratio)
-        assert 3 * np.median(ratio[flipped]) < np.median(ratio[right])
+        assert 1.5 * np.median(ratio[flipped]) < np.median(ratio[right])
+        halves = np.flatnonzero(right)
+        assert 1.5 * np.median(ratio[halves[::2]]) > np.median(ratio[halves[1::2]])
 
     def test_nearly_flat_targets_have_both_minima_tried(self):
         rng = np.random.default_rng(4)
@@ -369,7 +371,7 @@ class TestFlat:
 
 class TestCovariance:
     @staticmethod
-    def scatter(*, noise_px, count=3000):
+    def scatter(*, noise_px, count=2000):
         rng = np.random.default_rng(6)
         target = problems.layout("bi6", edge_m=0.1) + [0.03, 0.0, 0.02]
         placed = problems.at_place(target, place_m=(0.1, -0.05, 0.8), count=1, rng=rng)
@@ -380,7 +382,7 @@ class TestCovariance:
         return solution, np.concatenate([turn, solution.translation_m - many.translation_m], axis=1)
 
     def test_it_is_that_of_many_trials(self):
-        """Mean of e^T C^-1 e is 6, its standard error sqrt(12 / 3000) = 0.063; tolerance 4 of those.
+        """Mean of e^T C^-1 e is 6, its standard error sqrt(12 / 2000) = 0.077; tolerance 4 of those.
 
         Control: 10 % less noise.
         """
@@ -390,13 +392,13 @@ class TestCovariance:
         def distance(covariance):
             return np.mean(np.einsum("bi,bij,bj->b", error, np.linalg.inv(covariance), error))
 
-        assert distance(solution.covariance(noise=noise)) == pytest.approx(6, abs=0.25)
+        assert distance(solution.covariance(noise=noise)) == pytest.approx(6, abs=0.31)
         assert distance(solution.covariance(noise=0.9 * noise)) > 7
         # noise estimated from 12 residuals less 6 unknowns: right on average
         estimated = solution.covariance().mean(axis=0)
         given = solution.covariance(noise=noise).mean(axis=0)
-        np.testing.assert_allclose(np.diag(estimated), np.diag(given), rtol=0.06)
-        np.testing.assert_allclose(np.diag(estimated), np.var(error, axis=0), rtol=0.12)
+        np.testing.assert_allclose(np.diag(estimated), np.diag(given), rtol=0.08)
+        np.testing.assert_allclose(np.diag(estimated), np.var(error, axis=0), rtol=0.16)
 
     def test_open_directions_and_missing_poses(self):
         placed, points = exact_problems("bi6")

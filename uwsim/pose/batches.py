@@ -16,7 +16,10 @@ FLAT_SHARE = 1e-6
 """Spread across the plane, as a share of the whole, below which a target counts as flat."""
 _SAME_SHARE = 1e-6
 _SAME_IMAGE = 1e-12
-_SAME_POSE = 1e-4
+# entries of rotations closer than this, about 3 deg: near-by minima of a target seen face-on count as one
+_SAME_POSE = 0.05
+# above so many points a chunk holds fewer problems
+_CHUNK_POINTS = 16
 
 
 class Centred(NamedTuple):
@@ -60,6 +63,7 @@ def solved(
     status[usable & ~(flat if not solid_ok else ~flat if not flat_ok else usable)] = Status.WRONG_KIND
     rotation, translation = _nothing(len(points_m))
     twin = _nothing(len(points_m))
+    chunk = max(1, min(chunk, chunk * _CHUNK_POINTS // points_m.shape[1]))
     for kind in (False, True):
         chosen = np.flatnonzero((status == Status.OK) & (flat == kind))
         for first in range(0, len(chosen), chunk):

@@ -27,10 +27,15 @@ def by_placed_edges(centred: Centred) -> Poses:
 
 
 def _farthest_apart(sight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices (B,), (B,) of the two lines of sight of least cosine."""
-    cosines = sight @ np.swapaxes(sight, 1, 2)
-    place = cosines.reshape(len(sight), -1).argmin(axis=1)
-    return np.divmod(place, sight.shape[1])
+    """Return the indices (B,), (B,) of two lines of sight far apart: each the farthest from the other, or nearly so."""
+    everyone = np.arange(len(sight))
+
+    def farthest_from(line: np.ndarray) -> np.ndarray:
+        return (sight @ line[:, :, None])[..., 0].argmin(axis=1)
+
+    first = farthest_from(sight.mean(axis=1))
+    second = farthest_from(sight[everyone, first])
+    return second, farthest_from(sight[everyone, second])
 
 
 def _quartics(target, sight, ends, lines, chosen) -> np.ndarray:

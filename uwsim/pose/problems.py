@@ -115,7 +115,7 @@ def at_angle(
     from scipy.spatial.transform import Rotation
 
     about_y = Rotation.from_euler("y", angle_deg, degrees=True)
-    about_z = Rotation.from_euler("z", rng.uniform(-180, 180, count), degrees=True)
+    about_z = Rotation.from_euler("z", rng.uniform(-180, 180, (count, 1)), degrees=True)
     return Placed(
         np.tile(target_m, (count, 1, 1)), (about_y * about_z).as_matrix(), np.tile([0, 0, float(depth_m)], (count, 1))
     )

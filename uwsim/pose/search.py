@@ -57,6 +57,11 @@ class _Found:
             lowest = np.minimum(lowest, cost)
         return lowest
 
+    def forget(self, where: np.ndarray) -> None:
+        """Drop what was found for the problems `where` (B,)."""
+        for cost in self.costs:
+            cost[where] = np.inf
+
     def least(self) -> Poses:
         return least_of(together(self.poses), np.stack(self.costs), flat=self.centred.flat)
 
@@ -77,9 +82,11 @@ def least_reprojection_pose(centred: Centred, *, extra: Extra) -> Poses:
     noisy = lowest > _NOISY_SHARE * spread
     asked = differ | noisy | (few or extra == "always")
     from_edges = found.add(lambda part: starts_of(by_placed_edges(part)), asked)
-    found.add(_everywhere, differ | asked & ~_same(from_edges, lowest))
-    ends = found.least()
-    found.add(lambda part: [_some(pose, np.flatnonzero(noisy)) for pose in starts_of(ends)], noisy, steps=_MANY_STEPS)
+    rough = differ | asked & ~_same(from_edges, lowest)
+    found.add(_everywhere, rough)
+    ends, slow = found.least(), noisy | rough
+    found.forget(slow)
+    found.add(lambda part: [_some(pose, np.flatnonzero(slow)) for pose in starts_of(ends)], slow, steps=_MANY_STEPS)
     return found.least()
 
 
