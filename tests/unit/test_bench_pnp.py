@@ -18,6 +18,7 @@ from uwsim.bench.pnp.statistics import geometric_mean, median_ratio, ratio_inter
 from uwsim.bench.records import markdown
 from uwsim.bench.run import TASKS, run, source
 from uwsim.pose import problems
+from uwsim.pose.polish import polished
 from uwsim.pose.solution import Solution
 from uwsim.pose.solvers import dlt, opencv_ippe, oracle_start, paraperspective_lm
 from uwsim.validation import validated, with_tuples
@@ -322,3 +323,19 @@ def test_worker_processes_can_open_the_problems():
     title, definition = read_definition("pnp")
     found, open_problems = source(title, TASKS["pnp"], definition, None, quick=True)
     assert pickle.loads(pickle.dumps(open_problems))().settings == found.settings
+
+
+def test_polishing_ends_in_the_minimum_next_to_a_pose():
+    """From poses a little off the cost is that of the minimum; without a pose it is infinite. Control: no steps."""
+    batch = noisy().truth.batch
+    placed, points = batch.placed, batch.points
+    solution = paraperspective_lm.solve(placed.points_m, points)
+    translation_m = 1.02 * placed.translation_m
+    translation_m[0] = np.nan
+    rotation, found_m, cost = polished(placed.rotation, translation_m, placed.points_m, points)
+    assert cost[1:] == pytest.approx(solution.cost[1:], rel=1e-6)
+    assert found_m[1:] == pytest.approx(solution.translation_m[1:], rel=1e-4)
+    assert np.isinf(cost[0])
+    assert np.all(np.isnan(rotation[0]))
+    unmoved = polished(placed.rotation, translation_m, placed.points_m, points, steps=0)[2]
+    assert np.all(unmoved[1:] > 1.5 * cost[1:])

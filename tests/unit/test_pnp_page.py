@@ -192,13 +192,13 @@ def test_goals_are_missed_by_worse_numbers():
 def test_a_goal_names_the_setting_that_is_worst():
     def one(method, condition):
         found = scores(method, condition)
-        if method == "best" and (condition["part"], condition["value"]) == ("k_depth_six", 1.0):
+        if method == "best" and (condition["part"], condition["value"]) == ("k_noise_six", 2.0):
             found |= {"rotation_ratio_to_ml": 1.3, "rotation_ratio_low": 1.2}
         return found
 
     found = by_text(goals.of_solvers(PoseStudy(made_up(one))))
     goal = next(goal for text, goal in found.items() if text.startswith("best / ML* <= 1.02"))
-    assert "largest 1.300 (k_depth_six/1 m); 1 of " in goal.found
+    assert "largest 1.300 (k_noise_six/2 px); 1 of " in goal.found
 
 
 def test_printed_tables_are_those_of_the_text():

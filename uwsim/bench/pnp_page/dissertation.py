@@ -22,7 +22,7 @@ NOT_COMPARED = """- Figures are printed as pictures without numbers: beside ours
 - Depth 0: no target fits; left out. Of ten random points the box begins 10 mm before the camera.
 - The weights 5.30 as printed are 0 / 0 where the origin lies on the axis, as in its experiment on the angle: here the
   reading by pairs of control points, in which common factors cancel.
-- Running time is of MATLAB, one problem at a time, on a machine that is not stated; here CPU time of whole batches.
+- Running time is of one problem at a time, of programs and on a machine that are not stated; here CPU time of batches.
 - Tables 5.1 to 5.5 are of real pictures that are not published, of a layout that is not stated. In the last row one
   line is missing, and OPnP's 3.96 deg beside 214.86 % repeats the value of EPnP+GN."""
 
