@@ -338,4 +338,4 @@ def test_polishing_ends_in_the_minimum_next_to_a_pose():
     assert np.isinf(cost[0])
     assert np.all(np.isnan(rotation[0]))
     unmoved = polished(placed.rotation, translation_m, placed.points_m, points, steps=0)[2]
-    assert np.all(unmoved[1:] > 1.5 * cost[1:])
+    assert np.median(unmoved[1:] / cost[1:]) > 2
