@@ -203,7 +203,7 @@ def _double_u(known: Printed, study: PoseStudy) -> Verdict:
         for part in ("angle_six", "angle_five", "angle_four"):
             errors = [study.value(case, name, ERRORS["rotation"]) for case in study.part(part)]
             known_errors = [error for error in errors if error > 0]
-            if known_errors:
+            if len(known_errors) >= 3:
                 spans.append(max(known_errors) / min(known_errors))
         if not spans:
             return _NOT_RUN
