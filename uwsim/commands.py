@@ -181,7 +181,7 @@ def run_benchmark(
     if out is not None:
         require_folder(out)
         page = page_of(name, definition.task, algorithms=algorithms)
-    if dataset is None and definition.frames is None:
+    if dataset is None and definition.made_from is None:
         recipe = definition.quick_dataset if quick and definition.quick_dataset else definition.dataset
         dataset = Path("out") / Path(recipe).stem
         dataset.parent.mkdir(exist_ok=True)
@@ -212,6 +212,7 @@ def run_on_photographs(
 def page_of(name: str, task: str, *, algorithms: list[str] | None):
     """Return the module whose `write` makes the page of a benchmark; ValueError unless there is one for such a run."""
     from uwsim.bench.blur_page import page as of_blur
+    from uwsim.bench.pnp_page import page as of_pnp
     from uwsim.bench.restoration_page import page as of_restoration
     from uwsim.bench.validity import page as of_validity
 
@@ -219,6 +220,8 @@ def page_of(name: str, task: str, *, algorithms: list[str] | None):
         return of_restoration
     if task in of_blur.TASKS:
         return of_blur
+    if task in of_pnp.TASKS:
+        return of_pnp
     of_validity.check(name, algorithms=algorithms)
     return of_validity
 

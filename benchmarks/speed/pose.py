@@ -20,7 +20,7 @@ FULL, QUICK = 10_000, 500
 FOCAL_PX, NOISE_PX, EDGE_M = 1300.0, 2.0, 0.1
 REFERENCE = "sqpnp_loop"
 # what cannot be called with points alone, or is no solver to time
-LEFT_OUT = {"oracle_corners"}
+LEFT_OUT = {"oracle_corners", "oracle_start"}
 # slow ones are timed on a part of the problems: their time per problem does not depend on the number
 SLOW_SHARE = {"dls": 0.2, "opnp": 0.2, "lhm": 0.5}
 VARIANTS = {

@@ -97,7 +97,10 @@ def pose_inputs(target_m):
     camera_m = target_m @ np.swapaxes(turns, 1, 2) + [[[0.1, 0.05, 1.0]], [[-0.1, 0.0, 1.5]]]
     points = camera_m[..., :2] / camera_m[..., 2:]
     pixels = 400 * points + [320, 240]
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = turns, [[0.1, 0.05, 1.0], [-0.1, 0.0, 1.5]]
     known = {"true_points": points.copy(), "pixels": pixels, "true_pixels": pixels.copy(), "lens": LENS}
+    known["true_pose"] = poses
     return np.tile(target_m, (2, 1, 1)), points, known
 
 

@@ -4,13 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from uwsim.bench.blur_controlled.protocol import Protocol
+from uwsim.bench.blur_controlled.protocol import Protocol as Frames
+from uwsim.bench.pnp.protocol import Protocol as Problems
 from uwsim.files import find_shipped, read_toml
 from uwsim.validation import validated, with_tuples
 
 Name = Annotated[str, Field(min_length=1)]
-MAKE_THEIR_FRAMES = ("blur_controlled", "deconvolution")
-"""Tasks whose cases are made while the benchmark runs, as `frames` says."""
+MADE_FROM = {"blur_controlled": "frames", "deconvolution": "frames", "pnp": "problems"}
+"""Tasks whose cases are made while the benchmark runs, and the table that says how."""
 
 
 class Variant(BaseModel):
@@ -32,14 +33,15 @@ class Definition(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     task: Annotated[
-        Literal["restoration", "blur", "pose", "validity", *MAKE_THEIR_FRAMES],
+        Literal["restoration", "blur", "pose", "validity", *MADE_FROM],
         Field(description="which kind of algorithm is scored"),
     ]
     description: Annotated[Name, Field(description="one sentence for tables and reports")]
     dataset: Annotated[Name | None, Field(description="recipe that makes the dataset: scenes/datasets/<name>.toml")] = (
         None
     )
-    frames: Annotated[Protocol | None, Field(description="of tasks that make their frames")] = None
+    frames: Annotated[Frames | None, Field(description="of tasks that make their frames")] = None
+    problems: Annotated[Problems | None, Field(description="of the task that makes pose problems")] = None
     quick_dataset: Annotated[Name | None, Field(description="recipe of a smaller dataset for quick runs")] = None
     algorithms: Annotated[
         tuple[Name, ...] | None, Field(description="names in table order; left out: every file in the folder")
@@ -51,13 +53,18 @@ class Definition(BaseModel):
 
     @model_validator(mode="after")
     def _cases_agree(self):
-        makes = self.task in MAKE_THEIR_FRAMES
-        needed, other = ("frames", "dataset") if makes else ("dataset", "frames")
+        needed, makes = MADE_FROM.get(self.task, "dataset"), self.task in MADE_FROM
         if getattr(self, needed) is None:
             raise ValueError(f"{needed}: missing, allowed: {'a table' if makes else 'a recipe'} with task {self.task}")
-        if getattr(self, other) is not None or (makes and self.quick_dataset is not None):
-            raise ValueError(f"{other}: given with task {self.task}, allowed: {needed} alone")
+        for other in ("dataset", "frames", "problems", *(["quick_dataset"] if makes else [])):
+            if other != needed and getattr(self, other) is not None:
+                raise ValueError(f"{other}: given with task {self.task}, allowed: {needed} alone")
         return self
+
+    @property
+    def made_from(self) -> Frames | Problems | None:
+        """What the cases are made from, of tasks that make their own."""
+        return getattr(self, MADE_FROM[self.task]) if self.task in MADE_FROM else None
 
     @model_validator(mode="after")
     def _variants_agree(self):

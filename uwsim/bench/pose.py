@@ -5,6 +5,7 @@ What NEEDS may list:
   lens           the camera's `uwsim.camera.lens.Lens`: its distortion, and the port in front of it
   true_points    the true image points of `points_m`, as `points`
   true_pixels    and as `pixels`
+  true_pose      the pose itself, (B, 4, 4) camera_from_body
 
 `points` are those of a pinhole (see `bench.task`): exact for a pinhole in the water and for a distorted lens, not so
 behind a port, whose rays do not meet in one centre; a method for ports asks for `lens` and `pixels`.
@@ -138,6 +139,7 @@ def makers(given: tuple[str, ...], view: View) -> runner.Makers:
         "lens": lambda: lens_of(view.frame),
         "true_points": lambda: view.normalised(points.true_px)[None],
         "true_pixels": lambda: points.true_px[None],
+        "true_pose": lambda: view.camera_from_body[None],
     }
 
 
@@ -193,7 +195,7 @@ TASK = Task(
     name="pose",
     package=solvers,
     function="solve",
-    inputs=("pixels", "lens", "true_points", "true_pixels"),
+    inputs=("pixels", "lens", "true_points", "true_pixels", "true_pose"),
     statistics=STATISTICS,
     case_names=case_names,
     case=case,

@@ -20,7 +20,10 @@ TITLES = {
     "orb_matches": "ORB matches", "oracle_share": "oracle's share", "oracle_share_gain": "oracle's share, gain fitted",
     "uciqe_o": "UCIQE (O)", "uiqm_f": "UIQM (F)", "uiqm_m": "UIQM (M)", "failure_percent": "failures",
     "detected_percent": "detected", "psnr_inner": "PSNR, inner", "psnr_above_blurred": "PSNR above blurred",
-    "milliseconds": "time", "relative_radiance_error": "image error",
+    "milliseconds": "time", "microseconds_per_problem": "time by problem", "fail_percent": "failures",
+    "rotation_ratio_to_ml": "rotation / ML*", "translation_ratio_to_ml": "translation / ML*",
+    "missed_minimum_percent": "missed minimum", "no_pose_percent": "no pose", "exact_percent": "exact, no noise",
+    "relative_radiance_error": "image error",
 }  # fmt: skip
 _NOTE_KEYS = ("case", "algorithm", "metric")
 # below this an error is the round-off of the arithmetic

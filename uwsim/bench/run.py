@@ -13,6 +13,7 @@ from uwsim.bench import blur_deconvolution as deconvolution
 from uwsim.bench.blur_controlled import task as blur_controlled
 from uwsim.bench.definition import Definition, Variant, read_definition
 from uwsim.bench.kept import Kept, Scores
+from uwsim.bench.pnp import task as pnp
 from uwsim.bench.records import Record, Result, record_from_score, summarise
 from uwsim.bench.scoring import Job, by_workers, scores_of
 from uwsim.bench.task import Task, spread
@@ -23,7 +24,9 @@ from uwsim.discovery import find, names
 from uwsim.files import sha256
 from uwsim.metrics import METRICS
 
-_TASKS = (restoration.TASK, blur.TASK, blur_controlled.TASK, deconvolution.TASK, pose.TASK, validity.TASK)
+_TASKS = (
+    restoration.TASK, blur.TASK, blur_controlled.TASK, deconvolution.TASK, pose.TASK, pnp.TASK, validity.TASK,
+)  # fmt: skip
 TASKS: dict[str, Task] = {task.name: task for task in _TASKS}
 Progress = Callable[[str, int, int], None]
 
@@ -89,7 +92,7 @@ def source(
         raise ValueError(f"{title}: dataset: got {got}, allowed: {allowed}")
     if dataset is not None:
         return dataset, partial(store.open, dataset.folder)
-    open_dataset = partial(task.frames, definition.frames, quick=quick)
+    open_dataset = partial(task.frames, definition.made_from, quick=quick)
     return open_dataset(), open_dataset
 
 
@@ -256,7 +259,9 @@ def unscored_notes(found: dict[str, Scores]) -> list[str]:
 
 
 def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:
-    unused = {key for key in ("dataset", "frames", "quick_dataset", "variants") if not getattr(definition, key)}
+    unused = {
+        key for key in ("dataset", "frames", "problems", "quick_dataset", "variants") if not getattr(definition, key)
+    }
     return {
         "definition": definition.model_dump(mode="json", exclude=unused),
         "dataset": {"name": dataset.name, "seed": dataset.seed, "sha256": dataset.sha256},

@@ -13,6 +13,7 @@ class Metric(NamedTuple):
 
 LAYERS = ("direct", "forward_scatter", "backscatter")
 """Layers of light of a picture."""
+POSE_PARTS = ("rotation", "translation")
 
 METRICS = {
     metric.name: metric
@@ -55,6 +56,18 @@ METRICS = {
         Metric("rotation_error_deg", "deg", "lower"),
         Metric("translation_error_percent", "%", "lower"),
         Metric("corner_error_px", "px", "lower"),
+        *(Metric(f"{kind}_ratio_to_ml", "", "lower") for kind in POSE_PARTS),
+        *(Metric(f"{kind}_ratio_{end}", "", "lower") for kind in POSE_PARTS for end in ("low", "high")),
+        *(Metric(f"{kind}_{what}_to_bound_ratio", "", "lower") for kind in POSE_PARTS for what in ("error", "rms")),
+        Metric("mean_rotation_error_deg", "deg", "lower"),
+        Metric("mean_translation_error_percent", "%", "lower"),
+        Metric("fail_percent", "%", "lower"),
+        Metric("fail_above_best_known_percent", "%", "lower"),
+        Metric("missed_minimum_percent", "%", "lower"),
+        Metric("below_best_known_percent", "%", "lower"),
+        Metric("no_pose_percent", "%", "lower"),
+        Metric("exact_percent", "%", "higher"),
+        Metric("microseconds_per_problem", "us", "lower"),
         Metric("relative_radiance_error", "%", "lower"),
         *(Metric(f"{layer}_error", "%", "lower") for layer in LAYERS),
         *(Metric(f"{layer}_psnr", "dB", "higher") for layer in LAYERS),

@@ -1,0 +1,84 @@
+"""The dissertation's figures 5.4 to 5.28 as ours: the same axes, ML* and the bound drawn in."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from uwsim.bench.canvas import new_figure, save
+from uwsim.bench.pnp_page.study import BEST, ERRORS, MEANS, PARTS, PRINTED, PoseStudy, name_of
+
+LABELS = {
+    "noise_px": "noise, standard deviation [px]", "depth_ratio": "depth / edge", "depth_m": "depth [m]",
+    "off_axis_m": "distance from the optical axis [m]", "angle_deg": "angle about y [deg]", "points": "points",
+}  # fmt: skip
+_UNITS = {"rotation": "rotation error [deg]", "translation": "translation error [%]"}
+_LOWEST, _HIGHEST = 1e-3, 2e2
+
+
+def names(study: PoseStudy) -> dict[str, str]:
+    """Return {figure, such as "5.4": file} of those that the result has settings of, in order."""
+    found = {one["figure"] for one in study.conditions.values()} - {None}
+    return {figure: f"figure_{_key(figure)[0]}_{_key(figure)[1]:02d}.png" for figure in sorted(found, key=_key)}
+
+
+def _key(figure: str) -> tuple[int, int]:
+    chapter, number = figure.split(".")
+    return int(chapter), int(number)
+
+
+def draw(study: PoseStudy, folder: Path) -> None:
+    """Write the file of each figure."""
+    for figure, name in names(study).items():
+        cases = study.cases(figure=figure)
+        if study.conditions[cases[0]]["sweep"] == "points":
+            _times(study, folder / name, cases)
+        else:
+            _errors(study, folder / name, [case for case in cases if study.conditions[case]["noise_px"] > 0])
+
+
+def _errors(study: PoseStudy, path: Path, cases: list[str]) -> None:
+    """Draw medians above means, rotation beside translation."""
+    figure, panels = new_figure(2, 2, width=5.2, height=3.1, sharex=True)
+    sweep = study.conditions[cases[0]]["sweep"]
+    by_ratio = sweep == "depth_m" and study.conditions[cases[0]]["depth_ratio"] is not None
+    key = "depth_ratio" if by_ratio else sweep
+    steps = [study.conditions[case][key] for case in cases]
+    for row, (words, metrics) in zip(panels, (("median", ERRORS), ("mean", MEANS)), strict=True):
+        for panel, part in zip(row, PARTS, strict=True):
+            for index, method in enumerate(study.methods):
+                heights = [study.value(case, method, metrics[part]) for case in cases]
+                _line(panel, study, method, index, steps, heights)
+            if words == "median":
+                panel.plot(steps, [study.bound(case, part) for case in cases], "k:", linewidth=2, label="bound")
+            panel.set(ylabel=f"{_UNITS[part]}, {words}", yscale="log")
+            low, high = panel.get_ylim()
+            panel.set_ylim(max(low, _LOWEST), min(high, _HIGHEST))
+            panel.grid(color="0.9")
+    for panel in panels[1]:
+        panel.set_xlabel(LABELS[key])
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize=7)
+    save(figure, path, dpi=80)
+
+
+def _times(study: PoseStudy, path: Path, cases: list[str]) -> None:
+    figure, ((panel,),) = new_figure(1, 1, width=8, height=4.6)
+    steps = [study.conditions[case]["points"] for case in cases]
+    for index, method in enumerate(study.methods):
+        heights = [study.value(case, method, "microseconds_per_problem") for case in cases]
+        _line(panel, study, method, index, steps, heights)
+    panel.set(xlabel=LABELS["points"], ylabel="CPU time by problem [us]", yscale="log")
+    panel.grid(color="0.9")
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize=7)
+    save(figure, path, dpi=80)
+
+
+def _line(panel, study: PoseStudy, method: str, index: int, steps: list[float], heights: list[float]) -> None:
+    if all(map(math.isnan, heights)) or method == study.raw:
+        return
+    oracle, own = method == study.oracle, method in (BEST, PRINTED)
+    panel.plot(
+        steps, np.array(heights), label=name_of(method), color="k" if oracle else f"C{index % 10}",
+        linestyle="-" if own else ("-.", "--", ":")[index // 10],
+        linewidth=2.2 if own or oracle else 1.0, marker="o" if own else ".", markersize=4,
+    )  # fmt: skip
