@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uwsim.bench.blur_page.study import Study, title
 from uwsim.bench.pnp.statistics import geometric_mean
+from uwsim.bench.study import StudyByCondition, title
 
 PARTS = ("rotation", "translation")
 ERRORS = {"rotation": "rotation_error_deg", "translation": "translation_error_percent"}
@@ -30,7 +30,7 @@ class Ratio(NamedTuple):
     of: int
 
 
-class PoseStudy(Study):
+class PoseStudy(StudyByCondition):
     """A result of the pose benchmark, read by name."""
 
     def scored(self, **wanted: object) -> list[str]:
