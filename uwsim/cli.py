@@ -385,7 +385,7 @@ def deblur(
     method: Annotated[str, typer.Argument(help="Name of a deconvolution method, or the path of your own .py file")],
     images: Annotated[list[Path], typer.Argument(help="8-bit colour photographs")],
     out: Out,
-    estimator: Annotated[str | None, typer.Option(help="Blur estimator that says how each picture is blurred.")] = None,
+    estimator: Annotated[str | None, typer.Option(help="Says how each picture is blurred; default: whittle.")] = None,
     length_px: Annotated[float | None, typer.Option(help="Length of the blur, if known; with --angle-deg.")] = None,
     angle_deg: Annotated[float | None, typer.Option(help="Its direction: x right, y up, modulo 180.")] = None,
     json: JsonOut = None,

@@ -13,6 +13,9 @@ import numpy as np
 from uwsim.commands import require_folder
 from uwsim.progress import Report
 
+ESTIMATOR = "whittle"
+"""Whose word on the blur counts where none is named."""
+
 
 def restore_photographs(method: str, images: list[Path], out: Path, *, report: Report) -> list[dict]:
     """Restore photographs into `out`/<name>.png.
@@ -60,20 +63,21 @@ def deblur_photographs(
     one row per picture: `image`, `method`, `blur_from`, `length_px`, `angle_deg`, `verdict`, `milliseconds`.
     """
     from uwsim.bench import runner
-    from uwsim.images import linear_from_srgb_uint8
     from uwsim.motion_blur import deconvolvers
 
     source, blur_of = _blur_source(estimator, length_px, angle_deg)
     module, name = _method(deconvolvers, method, knows=("blur",))
-    kind, function = runner.input_kind(module, name), runner.entry(module, name, "deblur")
+    kind, given = runner.input_kind(module, name), runner.needs(module, name, ("blur",))
+    runner.entry(module, name, "deblur")
     names, pictures = _read(images, out)
     rows, sharpened = [], []
     for done, (path, picture) in enumerate(zip(images, pictures, strict=True)):
         report(f"{name}: {path.name}", done, len(images))
         blur, where = blur_of(picture, str(path)), f"{path}: {name}"
-        given = picture.copy() if kind == "srgb_uint8" else linear_from_srgb_uint8(picture)
-        known = {"blur": blur} if getattr(module, "NEEDS", ()) else {}
-        output, elapsed_ms = runner.timed(function, given, where=where, **known)
+        output, elapsed_ms = runner.image_call(
+            module, name, "deblur", image=picture, wanted=given, makers={"blur": lambda blur=blur: blur},
+            where=where,
+        )  # fmt: skip
         sharpened.append(runner.checked_picture(output, kind=kind, shape=picture.shape, where=where))
         rows.append({
             "image": path.name, "method": name, "blur_from": source, "length_px": float(blur.length_px),
@@ -98,17 +102,25 @@ def _blur_source(
 ) -> tuple[str, Callable[[np.ndarray, str], object]]:
     """Return where the blur comes from, and a function (picture, its name) -> Estimate."""
     from uwsim.bench import blur as bench
+    from uwsim.bench.blur.estimates import Refusal
     from uwsim.bench.task import Case
     from uwsim.motion_blur import estimators
     from uwsim.motion_blur.estimate import Estimate
 
-    if estimator is not None:
+    if estimator is not None or (length_px is None and angle_deg is None):
         if length_px is not None or angle_deg is not None:
             raise ValueError("--length-px, --angle-deg: got with --estimator, allowed: one or the other")
-        module, name = _method(estimators, estimator, knows=())
-        return name, lambda picture, path: bench.estimated(module, name, (), Case(path, picture, {}, None))[0]
+        module, name = _method(estimators, estimator or ESTIMATOR, knows=())
+
+        def estimated(picture: np.ndarray, path: str) -> Estimate:
+            found, _ = bench.estimated(module, name, (), Case(path, picture, {}, None))
+            if isinstance(found, Refusal):
+                raise ValueError(f"{path}: {found.reason}")
+            return found
+
+        return name, estimated
     if length_px is None or angle_deg is None:
-        raise ValueError("deblur: got no blur, allowed: --estimator NAME, or --length-px and --angle-deg")
+        raise ValueError("--length-px, --angle-deg: got one of them, allowed: both, or neither")
     if not (math.isfinite(length_px) and length_px >= 0):
         raise ValueError(f"--length-px: got {length_px}, allowed: 0 and more")
     if not math.isfinite(angle_deg):

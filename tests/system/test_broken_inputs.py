@@ -98,6 +98,7 @@ def test_a_process_of_its_own_refuses_alike(name, sound, tmp_path):
         ((*RENDER, "--geometry-only"), {"out", "out/geometry.exr"}),
         (("check", "data"), set()),
         (("restore", "none", "a.png", "--out", "out"), {"out", "out/a.png"}),
+        (("deblur", "mmse", "a.png", "--out", "out"), {"out", "out/a.png"}),
         (("deblur", "mmse", "a.png", "--out", "out", "--estimator", "cepstrum_minimum"), {"out", "out/a.png"}),
         (("deblur", "wiener", "a.png", "--out", "out", *KNOWN), {"out", "out/a.png"}),
         ((*RESTORATION, "--quick", "--json", "result.json"), {"result.json"}),
