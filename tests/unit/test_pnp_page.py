@@ -243,6 +243,7 @@ def test_broken_printed_numbers_are_refused(change, part):
 def test_a_printed_number_is_matched_within_a_factor(text):
     assert dissertation.matched((1.0, 2.0), (1.2, 1.7))
     assert not dissertation.matched((1.0, 2.0), (1.2, 2.6))
+    assert dissertation._span((0.5, 6.85e10)) == "0.50 to 7e+10"
     # means are 1.1 x 0.5 x 1.09 and x 1.27 here, whatever the setting
     row = rows_of(text, "5.11, `depth_far_ten` at 10")[0]
     assert row[2:] == ["0.50 / 0.40", "0.60 / 0.70", "0.55 / 0.55", "in part"]

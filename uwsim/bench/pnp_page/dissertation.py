@@ -10,6 +10,7 @@ from uwsim.bench.records import markdown_table
 
 FACTOR = 1.25
 """A printed number is matched by one within this factor: curves are read off, and trials were 100 to 500."""
+_LARGE = 1e4
 NOT_COMPARED = """- Figures are printed as pictures without numbers: beside ours stands what the text says of them.
 - Which statistic its curves are, it does not say: its numbers of the noise fit means, not medians.
 - Noise: "variance" in the text; its numbers fit a standard deviation in pixels, in all four experiments.
@@ -82,7 +83,8 @@ def _numbers(known: Printed, study: PoseStudy) -> str:
 def _span(span: Span | None) -> str:
     if span is None:
         return NONE
-    low, high = (shown(value, 2) for value in span)
+    # a mean is that large where a pose has run away to infinity
+    low, high = (shown(value, 2) if value < _LARGE else f"{value:.0e}" for value in span)
     return low if low == high else f"{low} to {high}"
 
 

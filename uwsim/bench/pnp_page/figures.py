@@ -79,6 +79,6 @@ def _line(panel, study: PoseStudy, method: str, index: int, steps: list[float], 
     oracle, own = method == study.oracle, method in (BEST, PRINTED)
     panel.plot(
         steps, np.array(heights), label=name_of(method), color="k" if oracle else f"C{index % 10}",
-        linestyle="-" if own else ("-.", "--", ":")[index // 10],
-        linewidth=2.2 if own or oracle else 1.0, marker="o" if own else ".", markersize=4,
+        linestyle="-" if own or oracle else ("-.", "--", ":")[index // 10],
+        linewidth=2.2 if own else 1.0, marker="o" if own else ".", markersize=4,
     )  # fmt: skip
