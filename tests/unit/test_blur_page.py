@@ -11,10 +11,11 @@ from uwsim.bench.blur import TASK as RENDERED
 from uwsim.bench.blur_controlled.frames import Frames
 from uwsim.bench.blur_controlled.task import TASK as CONTROLLED
 from uwsim.bench.blur_page import claims, dissertation, goals, page, tables
-from uwsim.bench.blur_page.claims import NO, OPEN, PARTLY, YES, Found
+from uwsim.bench.blur_page.claims import Found
 from uwsim.bench.blur_page.printed import PICTURES, Printed, printed
 from uwsim.bench.blur_page.study import Study
 from uwsim.bench.definition import read_definition
+from uwsim.bench.judged import NO, OPEN, PARTLY, YES
 from uwsim.bench.records import Record, Result, read_result
 from uwsim.metrics import METRICS
 from uwsim.validation import validated, with_tuples

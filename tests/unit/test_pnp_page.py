@@ -5,8 +5,8 @@ import math
 import pytest
 
 from uwsim import commands
-from uwsim.bench.blur_page.claims import NO, OPEN, PARTLY, YES
 from uwsim.bench.definition import read_definition
+from uwsim.bench.judged import NO, OPEN, PARTLY, YES
 from uwsim.bench.pnp.settings import Problems
 from uwsim.bench.pnp.task import TASK
 from uwsim.bench.pnp_page import claims, dissertation, figures, goals, page, tables

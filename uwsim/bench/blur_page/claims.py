@@ -7,22 +7,14 @@ from typing import NamedTuple
 
 from uwsim.bench.blur_page.printed import PICTURES, Printed
 from uwsim.bench.blur_page.study import MENDED, PRINTED, Study
-from uwsim.bench.blur_page.tables import shown
+from uwsim.bench.judged import NO, OPEN, PARTLY, YES, Verdict, shown
 from uwsim.bench.restoration_page.printed import printed as printed_restoration
 from uwsim.bench.study import title
 
-YES, NO, PARTLY, OPEN = "borne out", "not borne out", "in part", "not measured"
 _CONVENTIONAL = ("radon", "hough", "cepstrum_minimum")
 _WEAK = ("gravel_low", "retina", "tissue")
 """Textures here of little contrast."""
 _NO_TABLE = "the dissertation has no table of lengths or angles, nor a truth for them"
-
-
-class Verdict(NamedTuple):
-    """Whether a claim holds, and the numbers that say so."""
-
-    word: str
-    numbers: str
 
 
 class Found(NamedTuple):

@@ -7,7 +7,7 @@ from uwsim.bench.blur_page import claims
 from uwsim.bench.blur_page.claims import Found
 from uwsim.bench.blur_page.printed import PICTURES, Printed
 from uwsim.bench.blur_page.study import DECONVOLVER, OURS, PRINTED, Study
-from uwsim.bench.blur_page.tables import NONE, shown
+from uwsim.bench.judged import NONE, shown
 from uwsim.bench.records import markdown_table
 from uwsim.bench.restoration_page.printed import Table
 from uwsim.bench.restoration_page.printed import printed as printed_restoration

@@ -1,13 +1,11 @@
 """What was asked of the estimator and the deconvolver of this project, and whether the numbers meet it."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from uwsim.bench.blur_page.study import DECONVOLVER, OURS, Study
-from uwsim.bench.blur_page.tables import shown
-from uwsim.bench.records import markdown_table
+from uwsim.bench.judged import Goal, shown
 from uwsim.metrics import blur as blur_metrics
 
 FAILURES_PERCENT, FAILURES_FROM_4_PX_PERCENT = 4.0, 3.0
@@ -19,20 +17,6 @@ LOSS_DB = -0.1
 GAINS_DB = {2.0: 2.2, 4.0: 3.5, 8.0: 4.3, 15.0: 4.7, 20.0: 4.7}
 GAIN_WITHIN_DB = 0.2
 GAINS_NOISE_PERCENT = 1.0
-
-
-class Goal(NamedTuple):
-    """What is asked, what was found, and whether that meets it; None: not measured."""
-
-    text: str
-    found: str
-    met: bool | None
-
-
-def table(goals: list[Goal]) -> str:
-    """Return the goals as a Markdown table."""
-    verdicts = {True: "met", False: "**not met**", None: "not measured"}
-    return markdown_table(["goal", "found", "verdict"], [[g.text, g.found, verdicts[g.met]] for g in goals], texts=3)
 
 
 def of_estimator(study: Study) -> list[Goal]:

@@ -10,6 +10,7 @@ from uwsim.bench.blur_page import dissertation, goals, sections
 from uwsim.bench.blur_page.claims import Found
 from uwsim.bench.blur_page.printed import printed
 from uwsim.bench.blur_page.study import Study
+from uwsim.bench.judged import goal_table
 from uwsim.bench.records import Result, read_result
 from uwsim.files import write_text
 
@@ -72,7 +73,7 @@ def _conclusions(studies: dict[str, Study]) -> list[str]:
         parts.append(f"On rendered frames. {sections.sentences(studies['blur'], studies['blur'].cases())}")
     if "deconvolution" in studies:
         asked += goals.of_deconvolution(studies["deconvolution"])
-    return [*parts, goals.table(asked) if asked else ""]
+    return [*parts, goal_table(asked) if asked else ""]
 
 
 _INTRODUCTION = """How well the blur of one picture is estimated, how near that is to what can be known, and what it is

@@ -9,7 +9,7 @@ import numpy as np
 from uwsim.bench.blur.strata import strata
 from uwsim.bench.blur_page import figures, goals, tables
 from uwsim.bench.blur_page.study import DECONVOLVER, Study
-from uwsim.bench.blur_page.tables import shown
+from uwsim.bench.judged import shown
 from uwsim.bench.records import markdown_table
 from uwsim.bench.study import title
 

@@ -1,22 +1,13 @@
 """Tables of the blur page, as Markdown."""
 
-import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from uwsim.bench.blur_page.study import Study
-from uwsim.bench.records import column_title, markdown_table, number, role
+from uwsim.bench.judged import NONE, shown
+from uwsim.bench.records import column_title, markdown_table, role
 from uwsim.bench.study import title
-
-NONE = "-"
-
-
-def shown(value: float, places: int | None = None) -> str:
-    """Return a number as text: with so many decimals, else to four digits; "-" for none."""
-    if not math.isfinite(value):
-        return NONE
-    return number(value) if places is None else f"{value:.{places}f}"
 
 
 def labelled(study: Study, method: str) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from uwsim.bench.blur_page.claims import NO, OPEN, PARTLY, YES, Verdict
+from uwsim.bench.judged import NO, OPEN, PARTLY, YES, Verdict
 from uwsim.bench.pnp_page.printed import Printed
 from uwsim.bench.pnp_page.study import ERRORS, PARALLEL, PARTS, PRINTED, PoseStudy, name_of
 

@@ -2,7 +2,7 @@
 
 import math
 
-from uwsim.bench.blur_page.tables import NONE, shown
+from uwsim.bench.judged import NONE, shown
 from uwsim.bench.pnp_page import claims
 from uwsim.bench.pnp_page.printed import Number, Printed, Span
 from uwsim.bench.pnp_page.study import MEANS, PARTS, PRINTED, PoseStudy, name_of

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from uwsim.bench.blur_page.goals import Goal
-from uwsim.bench.blur_page.tables import shown
+from uwsim.bench.judged import Goal, shown
 from uwsim.bench.pnp_page.study import BEST, PARALLEL, PARTS, PRINTED, PoseStudy, Ratio
 from uwsim.bench.pnp_page.tables import ratio_text
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from uwsim.bench.blur_page.goals import table as goal_table
+from uwsim.bench.judged import goal_table
 from uwsim.bench.pnp_page import dissertation, figures, goals, tables
 from uwsim.bench.pnp_page.printed import printed
 from uwsim.bench.pnp_page.study import BEST, PRINTED, PoseStudy

@@ -2,7 +2,7 @@
 
 import math
 
-from uwsim.bench.blur_page.tables import NONE, shown
+from uwsim.bench.judged import NONE, shown
 from uwsim.bench.pnp_page.study import BEST, PARALLEL, PARTS, PRINTED, PoseStudy, Ratio, name_of
 from uwsim.bench.records import markdown_table
 
