@@ -256,12 +256,15 @@ def test_the_wrong_sense_of_angles_is_a_failure():
     assert scored(Estimate(4.0, 150.0), case_of(angle_deg=150.0))["failure_percent"] == 0
 
 
-def test_no_blur_of_a_frame_in_motion_is_a_failure_and_a_refusal_says_why():
-    missed = scored(Estimate(4.0, 30.0, verdict="no blur"), case_of())
-    assert missed["failure_percent"] == missed["refused_percent"] == 100
-    assert missed["length_error_px"] == 4.0
-    hesitant = scored(Estimate(4.0, 30.0, verdict="not uniform"), case_of())
-    assert (hesitant["failure_percent"], hesitant["refused_percent"]) == (0, 100)
+def test_numbers_count_whatever_the_verdict_and_a_refusal_says_why():
+    for verdict in ("no blur", "not uniform"):
+        hesitant = scored(Estimate(4.0, 30.0, verdict=verdict), case_of())
+        assert (hesitant["failure_percent"], hesitant["refused_percent"]) == (0, 100)
+        assert math.isnan(hesitant["kept_failure_percent"])
+        assert scored(Estimate(9.0, 30.0, verdict=verdict), case_of())["failure_percent"] == 100
+    for length_px, failed in ((4.0, 0), (9.0, 100)):
+        kept = scored(Estimate(length_px, 30.0), case_of())
+        assert (kept["kept_failure_percent"], kept["refused_percent"]) == (failed, 0)
     refused = scored(ValueError("too bright"), case_of())
     assert refused["failure_percent"] == refused["refused_percent"] == 100
     assert refused["note"] == "too bright"

@@ -38,7 +38,8 @@ def estimator_scores(method: str, condition: dict, number: int) -> dict[str, flo
             "sharp_called_blurred_percent": called
         }
     error = OFF[method] * abs(norm.ppf((number % 20 + 0.5) / 20))
-    found = {"milliseconds": 10.0, "failure_percent": 100.0 * (OFF[method] > 50), "refused_percent": 0.0}
+    failed = 100.0 * (OFF[method] > 50)
+    found = {"milliseconds": 10.0, "failure_percent": failed, "kept_failure_percent": failed, "refused_percent": 0.0}
     for quantity, unit in (("length", "px"), ("angle", "deg")):
         found[f"{quantity}_error_{unit}"] = error * BOUND[quantity]
         found[f"{quantity}_error_to_bound_ratio"] = error / 0.6745
@@ -151,10 +152,11 @@ def test_goals_are_met_by_an_estimator_at_the_bound_and_by_no_other():
     def worse(method, condition, number):
         scores = estimator_scores(method, condition, number)
         changed = {key: 4 * value for key, value in scores.items() if "ratio" in key}
-        return scores | changed | {"failure_percent": 100.0 * (number % 2), "sharp_called_blurred_percent": 100.0}
+        changed |= dict.fromkeys(("failure_percent", "kept_failure_percent", "refused_percent"), 100.0 * (number % 2))
+        return scores | changed | {"sharp_called_blurred_percent": 100.0}
 
     goals_missed = [goal.text for goal in goals.of_estimator(Study(controlled(worse))) if goal.met is False]
-    assert len(goals_missed) == 7
+    assert len(goals_missed) == 9
     without = goals.of_estimator(Study(controlled(methods=("none", "radon"))))
     assert {goal.met for goal in without} == {None}
     assert {goal.found for goal in without} == {"-"}

@@ -46,6 +46,7 @@ METRICS = {
         Metric("length_covered_percent", "%", "higher"),
         Metric("angle_covered_percent", "%", "higher"),
         Metric("refused_percent", "%", "lower"),
+        Metric("kept_failure_percent", "%", "lower"),
         Metric("sharp_called_blurred_percent", "%", "lower"),
         Metric("field_error_px", "px", "lower"),
         Metric("field_answered_percent", "%", "higher"),

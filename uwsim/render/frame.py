@@ -9,7 +9,7 @@ from uwsim import seeds
 from uwsim.render import geometry, memory, placement, selfcheck, smooth, stopping, transport
 from uwsim.render.build import build, exposure_poses
 from uwsim.render.checkpoint import Checkpoint
-from uwsim.render.film import view_of
+from uwsim.render.film import View, view_of
 from uwsim.render.motion import exposure_steps, flow, momentary, sub_frames, summarise_blur
 from uwsim.render.rounds import Ended, Rounds
 from uwsim.scene.models import Scene
@@ -62,10 +62,11 @@ def render_frame(
     names = ("radiance", "water_free", *(("sharp",) if scene.moves else ()))
     rounds = Rounds(scene, view, until, names=names, checkpoint=checkpoint, progress=progress, options=options)
 
-    surfaces = None if scene.moves else smooth.Surfaces(albedo=buffers["albedo"], normal=buffers["normal"])
+    at_rest = smooth.Surfaces(albedo=buffers["albedo"], normal=buffers["normal"])
+    surfaces = _surfaces(scene, view, poses, at_rest) if options.denoise else None
 
-    def light(name, built, seen=None):
-        return rounds.picture(name, built, seed=seeds.integer(seed, frame, name), view=seen, surfaces=surfaces)
+    def light(name, built, seen=None, of=surfaces):
+        return rounds.picture(name, built, seed=seeds.integer(seed, frame, name), view=seen, surfaces=of)
 
     without_water = build(scene, water=None, rig_poses=poses, sub_frames=parts)
     in_water = build(scene, water=water, rig_poses=poses, sub_frames=parts)
@@ -73,7 +74,7 @@ def render_frame(
     buffers["water_free"] = light("water_free", without_water)["radiance"]
     if scene.moves:
         at_once, middle = momentary(scene, view, steps=steps)
-        buffers["sharp"] = light("sharp", build(scene, water=water, rig_poses=middle), at_once)["radiance"]
+        buffers["sharp"] = light("sharp", build(scene, water=water, rig_poses=middle), at_once, at_rest)["radiance"]
     buffers["transmission"] = transport.transmission(
         without_water, view, attenuation=water.attenuation, added=in_water.added,
         samples_per_pixel=_SAMPLES_TRANSMISSION, seed=seeds.integer(seed, frame, "transmission"),
@@ -86,3 +87,12 @@ def render_frame(
         ended=rounds.ended,
         sub_frames=parts,
     )
+
+
+def _surfaces(scene: Scene, view: View, poses: np.ndarray, at_rest: smooth.Surfaces) -> smooth.Surfaces | None:
+    """Return what the pixels see in the course of the exposure; None where it is not the same poses for all of them."""
+    if not scene.moves:
+        return at_rest
+    if scene.moving_bodies or view.shutter.readout_s > 0:
+        return None
+    return geometry.mean_surfaces(scene, view, poses)

@@ -9,8 +9,10 @@ from uwsim.camera.lens import pixel_centres
 from uwsim.optics.spectrum import WAVELENGTHS_NM
 from uwsim.render.build import body_number, build_bodies
 from uwsim.render.film import View
+from uwsim.render.smooth import Surfaces
 
 _LANES = 4  # wavelengths that one Mitsuba ray carries
+_MOST_POSES = 64  # of an exposure, that the mean of what is seen is over
 
 
 def geometry(scene, view: View, *, world_from_camera: np.ndarray | None = None) -> dict[str, np.ndarray]:
@@ -21,12 +23,30 @@ def geometry(scene, view: View, *, world_from_camera: np.ndarray | None = None) 
     is that of the point seen in the camera frame. Where no body is seen, distances are +inf and the rest 0. Normals
     point towards the camera, in world axes; albedo is the diffuse reflectance weighted by the response.
     """
+    return _cast(scene, view, build_bodies(scene), world_from_camera)
+
+
+def mean_surfaces(scene, view: View, world_from_camera: np.ndarray) -> Surfaces:
+    """Return what the pixels see from poses (n, 4, 4) of a moving camera, as a mean over the poses; bodies are at rest.
+
+    Of more than 64 poses, 64 that are spread evenly.
+    """
+    loaded, count = build_bodies(scene), len(world_from_camera)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, _MOST_POSES)).round().astype(int))
+    albedo, normal = 0.0, 0.0
+    for pose in world_from_camera[chosen]:
+        seen = _cast(scene, view, loaded, pose)
+        albedo, normal = albedo + seen["albedo"].astype(float), normal + seen["normal"].astype(float)
+    albedo, normal = ((total / len(chosen)).astype(np.float32) for total in (albedo, normal))
+    return Surfaces(albedo=albedo, normal=normal)
+
+
+def _cast(scene, view: View, loaded, world_from_camera: np.ndarray | None) -> dict[str, np.ndarray]:
     local_origins, local = view.lens.rays(pixel_centres(width_px=view.width_px, height_px=view.height_px))
     origins, world = _in_world(scene, view, (local_origins, local), world_from_camera)
     # a ray that the lens does not have is cast somewhere and forgotten
     has_ray = np.all(np.isfinite(world), axis=-1)
     origins, world = np.where(has_ray[:, None], origins, 0.0), np.where(has_ray[:, None], world, [0.0, 0.0, 1.0])
-    loaded = build_bodies(scene)
     cast = _cast_scalar if _is_scalar() else _cast_compiled
     weights = view.response * np.gradient(WAVELENGTHS_NM)[:, None]
     distance, normal, instance, albedo = cast(loaded, origins, world, weights / weights.sum(axis=0))

@@ -66,7 +66,7 @@ class Rounds:
     ) -> dict[str, np.ndarray]:
         """Return the images of `transport.layers`, rendered until a rule ends it; `view`: another than the frame's.
 
-        `surfaces`: what its pixels see, for the denoiser; None where bodies or camera move.
+        `surfaces`: what its pixels see, for the denoiser; None where that is not known.
         """
         from uwsim.render.integrator import ORDERS
 

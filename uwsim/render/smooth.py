@@ -8,8 +8,9 @@ own, and the mean of the two is kept. With f the denoiser, T the truth and < > a
     < out^2 - f(A) B - f(B) A + A B >  that of  < (out - T)^2 >,  the whole error of what is kept, bias and noise.
 
 Scattered light is smooth, and nearly all of the noise: forward scatter and backscatter on their way to the camera, and
-the part of `direct` that particles sent to the body. That part is denoised as light on the body, divided by its albedo,
-which keeps the texture; what comes to the body unscattered is never touched.
+the part of `direct` that particles sent to the body. That part is denoised as light on the body, divided by its albedo
+(of a moving camera: by the albedo's mean over the exposure), which keeps the texture; what comes to the body unscattered
+is never touched.
 
 Source: Intel Open Image Denoise (package pyoidn), filter RT, for light on bodies with their normals, which are free of
 noise, as auxiliary picture. The products of independent halves are those of cross-validation (Lehtinen et al. 2018,
@@ -26,7 +27,7 @@ from uwsim.render.accumulate import Accumulator, Sums
 from uwsim.render.stopping import region_means
 
 DENOISED = ("direct", "forward_scatter", "backscatter")
-"""The layers that change: of `direct`, only at rest, what particles sent to the body."""
+"""The layers that change: of `direct`, what particles sent to the body, not where bodies move or rows are read in turn."""
 
 PACKAGE = "pyoidn"
 # of the quantities of `transport.estimate` with orders: radiance, the layers, then `integrator.ORDERS`
@@ -111,7 +112,10 @@ def halves(sums: Sums) -> tuple[np.ndarray, np.ndarray, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Surfaces:
-    """What is seen in the pixels of a picture, free of noise: `albedo`, 0 where no body is, and `normal`, (H, W, 3)."""
+    """What is seen in the pixels of a picture, free of noise: `albedo`, 0 where no body is, and `normal`, (H, W, 3).
+
+    Of a moving camera both are means over the exposure.
+    """
 
     albedo: np.ndarray
     normal: np.ndarray
@@ -123,7 +127,7 @@ def denoise_layers(
     """Return the images with the layers of DENOISED denoised and `radiance` their sum, and the bias of each layer.
 
     images: of `transport.pictures` with orders; sums: of a `HalvedAccumulator`, 2 batches or more; surfaces: None where
-    a pixel sees many, as in motion: `direct` then stays as it is. `standard_error` stays that of the radiance before.
+    they are not known: `direct` then stays as it is. `standard_error` stays that of the radiance before.
     """
     even, odd, share = halves(sums)
     made, biases = dict(images), {}

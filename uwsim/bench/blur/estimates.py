@@ -17,6 +17,7 @@ from uwsim.motion_blur.estimate import VERDICTS
 STATISTICS = {
     "failure_percent": "mean", "length_error_px": "median", "angle_error_deg": "median",
     "length_error_to_bound_ratio": "median", "angle_error_to_bound_ratio": "median", "refused_percent": "mean",
+    "kept_failure_percent": "mean",
 }  # fmt: skip
 DETAILS = ("length_error_to_sd", "angle_error_to_sd")
 
@@ -66,34 +67,31 @@ def estimated(module: ModuleType, name: str, given: tuple[str, ...], case: Case)
     return estimate, elapsed_ms
 
 
-def answer(estimate: object) -> tuple[float, float]:
-    """Return (length [px], angle [deg]) that a method stands by: 0 and NaN where its verdict is "no blur"."""
-    if getattr(estimate, "verdict", None) == "no blur":
-        return 0.0, math.nan
-    return float(estimate.length_px), float(estimate.angle_deg)
-
-
 def scores(estimate: object, truth: Truth) -> dict[str, float | str]:
     """Return STATISTICS and DETAILS of an estimate of a frame that is blurred.
 
-    "no blur" is the length 0 without direction, so a failure; the numbers beside "not uniform" count as they are. A
-    refusal is a failure without errors. Errors over the method's own standard deviations are NaN where it gives none.
+    Length and angle count as they are, whatever the verdict: most methods have none. Beside them `refused_percent`, the
+    share of the frames that are not said to be blurred uniformly, and `kept_failure_percent`, failures among the others.
+    A refusal by ValueError is a failure without errors. Errors over the method's own standard deviations are NaN where
+    it gives none.
     """
-    length_px, angle_deg = answer(estimate)
     errors = (
-        float(blur_metrics.length_error_px(length_px, truth.length_px)),
-        float(blur_metrics.angle_error_deg(angle_deg, truth.angle_deg)),
+        float(blur_metrics.length_error_px(estimate.length_px, truth.length_px)),
+        float(blur_metrics.angle_error_deg(estimate.angle_deg, truth.angle_deg)),
     )
     to_bound = [float(blur_metrics.error_to_bound_ratio(*pair)) for pair in zip(errors, truth.bound_sd, strict=True)]
     to_sd = [float(blur_metrics.error_to_sd(*pair)) for pair in zip(errors, own_sd(estimate), strict=True)]
     note = {"note": estimate.reason} if isinstance(estimate, Refusal) else {}
+    refused = bool(note) or getattr(estimate, "verdict", VERDICTS[0]) != VERDICTS[0]
+    failure_percent = 100.0 * float(blur_metrics.blur_failure(*errors))
     return note | {
-        "failure_percent": 100.0 * float(blur_metrics.blur_failure(*errors)),
+        "failure_percent": failure_percent,
         "length_error_px": errors[0],
         "angle_error_deg": errors[1],
         "length_error_to_bound_ratio": to_bound[0],
         "angle_error_to_bound_ratio": to_bound[1],
-        "refused_percent": 100.0 * (bool(note) or getattr(estimate, "verdict", VERDICTS[0]) != VERDICTS[0]),
+        "refused_percent": 100.0 * refused,
+        "kept_failure_percent": math.nan if refused else failure_percent,
         "length_error_to_sd": to_sd[0],
         "angle_error_to_sd": to_sd[1],
     }

@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 
 from uwsim.bench import runner
-from uwsim.bench.blur.estimates import Refusal, answer
+from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.task import Case
 from uwsim.metrics import blur as blur_metrics
 
@@ -40,9 +40,9 @@ def scores(module: ModuleType, name: str, case: Case, estimate: object) -> dict[
 
 
 def uniform(estimate: object, shape: tuple[int, int]) -> np.ndarray:
-    """Return the field (H, W, 2), right and up [px], of one straight motion."""
-    length_px, angle_deg = answer(estimate)
-    angle = math.radians(0.0 if length_px == 0 else angle_deg)
+    """Return the field (H, W, 2), right and up [px], of one straight motion; of none where the verdict says so."""
+    length_px = 0.0 if getattr(estimate, "verdict", None) == "no blur" else float(estimate.length_px)
+    angle = math.radians(0.0 if length_px == 0 else float(estimate.angle_deg))
     return np.broadcast_to(length_px * np.array([math.cos(angle), math.sin(angle)]), (*shape, 2))
 
 

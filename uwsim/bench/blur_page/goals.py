@@ -13,6 +13,7 @@ TO_BOUND = {"length": 3.5, "angle": 3.0}
 RMS_TO_BOUND = 1.25
 COVERAGE_PERCENT = (85.0, 95.0)
 SHARP_PERCENT = 5.0
+KEPT_PERCENT, KEPT_FAILURES_PERCENT = 90.0, 2.0
 LOSS_DB = -0.1
 GAINS_DB = {2.0: 2.2, 4.0: 3.5, 8.0: 4.3, 15.0: 4.7, 20.0: 4.7}
 GAIN_WITHIN_DB = 0.2
@@ -31,6 +32,7 @@ def of_estimator(study: Study) -> list[Goal]:
         *(_to_bound(study, quantity, limit) for quantity, limit in TO_BOUND.items()),
         *(_on_fields(study, quantity) for quantity in TO_BOUND),
         *coverage(study),
+        *_gate(study, moving),
         _at_most(f"sharp frames called blurred by 2 px or more <= {SHARP_PERCENT:g} %",
                  study.mean(OURS, "sharp_called_blurred_percent", study.cases(length_px=0.0)), SHARP_PERCENT, "%"),
     ]  # fmt: skip
@@ -46,6 +48,18 @@ def _at_most(text: str, value: float, limit: float, unit: str) -> Goal:
     if math.isnan(value):
         return Goal(text, "-", None)
     return Goal(text, f"{shown(value)} {unit}".rstrip(), value <= limit)
+
+
+def _gate(study: Study, moving: list[str]) -> list[Goal]:
+    refused = study.mean(OURS, "refused_percent", moving)
+    words = f"frames in motion that its verdict keeps >= {KEPT_PERCENT:g} %"
+    kept = Goal(words, "-" if math.isnan(refused) else f"{shown(100 - refused)} %",
+                None if math.isnan(refused) else 100 - refused >= KEPT_PERCENT)  # fmt: skip
+    return [
+        kept,
+        _at_most(f"failures among those <= {KEPT_FAILURES_PERCENT:g} %",
+                 study.mean(OURS, "kept_failure_percent", moving), KEPT_FAILURES_PERCENT, "%"),
+    ]  # fmt: skip
 
 
 def _to_bound(study: Study, quantity: str, limit: float) -> Goal:

@@ -17,7 +17,7 @@ ERRORS, FAILURES = "errors_over_length.png", "failures.png"
 GAINS, RENDERED = "deconvolution.png", "rendered.png"
 _MAIN = (
     "failure_percent", "length_error_px", "angle_error_deg", "length_error_to_bound_ratio",
-    "angle_error_to_bound_ratio", "refused_percent", "milliseconds",
+    "angle_error_to_bound_ratio", "refused_percent", "kept_failure_percent", "milliseconds",
 )  # fmt: skip
 _RESTORED = ("psnr", "ssim", "psnr_inner", "psnr_above_blurred", "made_worse_percent", "milliseconds")
 _GROUPS_SHOWN = ("group", "water", "speed")

@@ -1,6 +1,6 @@
 """From a grey picture to the estimate: search, fit, and what the fit is worth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from uwsim.motion_blur.estimate import Estimate, longest_length_px
 from uwsim.motion_blur.whittle import model
 from uwsim.motion_blur.whittle.fit import Fit, refine
 from uwsim.motion_blur.whittle.gate import BLUR_NATS, blur_nats
-from uwsim.motion_blur.whittle.model import RIGHT, UP
+from uwsim.motion_blur.whittle.model import FILL, RIGHT, UP
 from uwsim.motion_blur.whittle.periodogram import Frequencies, frequencies
 from uwsim.motion_blur.whittle.search import LOOSE, UNIFORM, candidates
 
@@ -20,6 +20,11 @@ REAL_OVER_MODEL_STD = 2.7
 SHORTEST_PX = 1.5
 # nats per informative frequency that a static share and filled zeros explain in a picture that does not move as one
 _NOT_UNIFORM_NATS = 0.03
+# a motion that is not uniform must still show: its length to this share, and more of a blur than of a ridge, the filled
+# zeros' form; lengths at the limit of the search are none
+_SEEN_LENGTH_SHARE = 0.03
+_MOST_FILL = 1.0
+_AT_LIMIT = 0.99
 _TINY = 1e-12
 
 
@@ -46,17 +51,29 @@ class Found:
         inverse = np.linalg.pinv(information * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
         return inverse[:2, :2] * self.frequencies.inflation * REAL_OVER_MODEL_STD**2
 
+    @property
+    def length_px(self) -> float:
+        return float(np.hypot(*self.displacement_px))
+
+    @property
+    def angle_rad(self) -> float:
+        right, up = self.displacement_px
+        return float(np.arctan2(up, right))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(2, 2) of length [px] and angle [deg]."""
+        cos, sin = np.cos(self.angle_rad), np.sin(self.angle_rad)
+        along, across = np.array([cos, sin]), np.array([-sin, cos])
+        slopes = np.stack([along, np.degrees(across / max(self.length_px, _TINY))])
+        return slopes @ self.covariance_px2 @ slopes.T
+
     def estimate(self) -> Estimate:
         """Return length, angle and all that is known of them."""
-        right, up = self.displacement_px
-        length = float(np.hypot(right, up))
-        angle = float(np.arctan2(up, right))
-        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-        slopes = np.stack([along, np.degrees(across / max(length, _TINY))])
-        angle_deg = np.degrees(angle) % 180.0
+        angle_deg = np.degrees(self.angle_rad) % 180.0
         return Estimate(
-            length_px=length, angle_deg=0.0 if angle_deg >= 180.0 else float(angle_deg),
-            covariance=slopes @ self.covariance_px2 @ slopes.T, verdict=self.verdict,
+            length_px=self.length_px, angle_deg=0.0 if angle_deg >= 180.0 else float(angle_deg),
+            covariance=self.covariance, verdict=self.verdict,
             spectrum=model.spectrum(
                 self.fit.parameters, scale=self.scale, lowest_frequency=self.frequencies.lowest_frequency
             ),
@@ -84,8 +101,15 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     starts, prior = (uniform, prior) if is_uniform else (loose, loose_prior)
     fits = [refine(found, power, start, limit_px=limit_px, prior=prior) for start in starts.parameters]
     best = min(fits, key=lambda fit: fit.loss)
-    length_px = float(np.hypot(best.parameters[RIGHT], best.parameters[UP]))
-    verdict = "blur" if is_uniform else "not uniform"
-    if length_px < SHORTEST_PX or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < BLUR_NATS:
-        verdict = "no blur"
-    return Found(best, found, scale, verdict)
+    made = Found(best, found, scale, "blur" if is_uniform else "not uniform")
+    shows = made.length_px >= SHORTEST_PX and (is_uniform or _shows(made, limit_px))
+    if not shows or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < BLUR_NATS:
+        made = replace(made, verdict="no blur")
+    return made
+
+
+def _shows(made: Found, limit_px: float) -> bool:
+    """Return whether a fit of a motion that is not uniform is more than one of strong lines of the texture."""
+    length_sd_px, fill = float(np.sqrt(made.covariance[0, 0])), float(np.exp(made.fit.parameters[FILL]))
+    is_seen = length_sd_px <= _SEEN_LENGTH_SHARE * made.length_px
+    return is_seen and fill <= _MOST_FILL and made.length_px < _AT_LIMIT * limit_px
