@@ -8,7 +8,7 @@ from uwsim.motion_blur.whittle.model import ELLIPSE, FILL, NOISE, RIGHT, ROLL_OF
 from uwsim.motion_blur.whittle.periodogram import Frequencies
 
 # how much better a blur must explain the picture than every texture without one
-BLUR_NATS = 5.0
+BLUR_NATS = 10.0
 _STEPS = 12
 # a zero fill so large that sinc^2 vanishes beside it: what is left falls off without a zero
 _RIDGE_FILL_LN = 7.0
