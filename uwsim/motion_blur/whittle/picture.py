@@ -22,7 +22,7 @@ SHORTEST_PX = 1.5
 _NOT_UNIFORM_NATS = 0.03
 # a motion that is not uniform must still show: its length to this share, and more of a blur than of a ridge, the filled
 # zeros' form; lengths at the limit of the search are none
-_SEEN_LENGTH_SHARE = 0.025
+_SEEN_LENGTH_SHARE = 1 / 30
 _MOST_FILL = 1.0
 _AT_LIMIT = 0.99
 _TINY = 1e-12
