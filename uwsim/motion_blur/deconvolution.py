@@ -7,7 +7,7 @@ import numpy as np
 from uwsim.motion_blur.estimate import Estimate, grey_from_image
 from uwsim.motion_blur.extension import canvas_shape
 from uwsim.motion_blur.kernels import otf
-from uwsim.motion_blur.picture_spectrum import fitted_spectrum
+from uwsim.motion_blur.whittle.known_blur import spectrum_of_blurred
 
 # linear light of 254.5 / 255 in sRGB: from here on an 8-bit picture shows white, whatever the light was
 WHITE_FROM = 0.9955
@@ -109,7 +109,7 @@ def canvases_of(parts: np.ndarray, image: np.ndarray, blur: Estimate, spectrum: 
 def canvas_of(part: np.ndarray, blur: Estimate, *, spectrum: object = None, scale: float = 1.0) -> Canvas:
     """Return the canvas of a picture (H, W); `spectrum`, fitted without, is of the picture / sqrt(scale)."""
     if spectrum is None:
-        scale, spectrum = 1.0, fitted_spectrum(part, length_px=blur.length_px, angle_deg=blur.angle_deg)
+        scale, spectrum = 1.0, spectrum_of_blurred(part, length_px=blur.length_px, angle_deg=blur.angle_deg)
     angle = np.radians(blur.angle_deg)
     reach_px = (abs(blur.length_px * np.sin(angle)), abs(blur.length_px * np.cos(angle)))
     shape = canvas_shape(part.shape, reach_px=reach_px, spare_px=SPARE_PX)
