@@ -23,6 +23,7 @@ from uwsim.motion_blur.deconvolvers import mmse, plug_and_play_tv, richardson_lu
 from uwsim.motion_blur.estimate import Estimate
 from uwsim.motion_blur.extension import harmonic_extension
 from uwsim.motion_blur.kernels import blur, kernel, otf
+from uwsim.motion_blur.spectrum import Spectrum, texture_terms
 from uwsim.motion_blur.tiles import BlurField, deblur_tiles
 from uwsim.motion_blur.whittle.known_blur import spectrum_of_blurred
 
@@ -108,6 +109,25 @@ class TestSpectrum:
         along = np.array([0.05, 0.1, 0.2, 0.3])
         for u, v in ((along, 0 * along), (0 * along, along)):
             np.testing.assert_allclose(fit.texture_psd(u, v), Known(0).texture_psd(u, v), rtol=0.3)
+
+    def test_a_blur_longer_than_the_cells_resolve(self):
+        """Model tolerance as above. Stripes 1 / 60 apart; the fit averages over cells of 1 / 85."""
+        picture, _ = seen(texture(320), length_px=60, angle_deg=70, noise=0.01, bits=False)
+        fit = spectrum_of_blurred(picture, length_px=60, angle_deg=70)
+        assert fit.noise_std == pytest.approx(0.01, rel=0.04)
+        along = np.array([0.05, 0.1, 0.2])
+        np.testing.assert_allclose(fit.texture_psd(along, 0), Known(0).texture_psd(along, 0), rtol=0.3)
+
+    def test_density_is_that_of_the_terms(self):
+        """Round-off: term by term and all at once; frequency 0 and both signs of the highest."""
+        factors = np.random.default_rng(0).normal(size=14)
+        u, v = np.fft.fftfreq(8)[None, :], np.fft.fftfreq(6)[:, None]
+        terms = texture_terms(u, v, lowest_frequency=0.05)
+        found = Spectrum(0.1, tuple(factors), 0.05).texture_psd(u, v)
+        np.testing.assert_allclose(found, np.exp(terms @ factors), rtol=1e-12)
+        phi = np.arctan2(-v, u) + 0 * u
+        np.testing.assert_allclose(terms[..., 4], np.cos(2 * phi), atol=1e-14)
+        np.testing.assert_allclose(terms[..., 9], np.sin(4 * phi), atol=1e-14)
 
     def test_control_another_blur_has_another_spectrum(self):
         picture, _ = seen(texture(256), length_px=9, angle_deg=25, noise=0.01, bits=False)
@@ -450,7 +470,7 @@ class TestCommand:
         out = tmp_path / "out"
         arguments = ("deblur", "mmse", tmp_path / "a.png", "--out", out, "--json", tmp_path / "rows.json")
         assert self.run(monkeypatch, *arguments, "--length-px", 8, "--angle-deg", 210) == 0
-        assert "| a.png | 8.00 | 30.0 | blur |" in capsys.readouterr().out
+        assert "| a.png | 8.00 | 30.0 | blur | uniform |" in capsys.readouterr().out
         assert psnr(linear_from_srgb_uint8(read_srgb(out / "a.png")), truth) > psnr(moved, truth) + 3
         (row,) = json.loads((tmp_path / "rows.json").read_text())
         assert (row["image"], row["method"], row["blur_from"], row["length_px"]) == ("a.png", "mmse", "given", 8.0)
@@ -458,6 +478,37 @@ class TestCommand:
         (row,) = json.loads((tmp_path / "rows.json").read_text())
         assert row["blur_from"] == "cepstrum_minimum"
         assert row["length_px"] == pytest.approx(8, abs=0.5)
+
+    def test_halves_blurred_differently_are_undone_by_tiles(self, tmp_path, monkeypatch, capsys):
+        """Control: the best single blur, and the true blur of either half, make it far worse."""
+        from skimage import data
+
+        gravel = data.gravel()[:320, :432] / 255
+        (left, sharp), (right, _) = (seen(gravel, length_px=9, angle_deg=angle_deg) for angle_deg in (20, 110))
+        half = left.shape[1] // 2
+        picture = srgb_uint8_from_linear(np.repeat(np.hstack([left[:, :half], right[:, half:]])[..., None], 3, axis=2))
+        write_png(tmp_path / "a.png", picture)
+        arguments = ("deblur", "mmse", tmp_path / "a.png", "--out", tmp_path / "out")
+        assert self.run(monkeypatch, *arguments, "--json", tmp_path / "rows.json") == 0
+        assert "every tile has its own" in (printed := capsys.readouterr().out)
+        (row,) = json.loads((tmp_path / "rows.json").read_text())
+        assert (row["verdict"], row["how"]) == ("not uniform", "12 of 12 tiles")
+        assert "| not uniform | 12 of 12 tiles |" in printed
+        moved = linear_from_srgb_uint8(picture)
+        by_tiles = psnr(linear_from_srgb_uint8(read_srgb(tmp_path / "out/a.png"))[..., 0], sharp)
+        assert by_tiles > psnr(moved[..., 0], sharp) + 0.5
+        for blur_ in (Estimate(row["length_px"], row["angle_deg"]), Estimate(9, 20), Estimate(9, 110)):
+            assert by_tiles > psnr(mmse.deblur(moved, blur=blur_)[..., 0], sharp) + 5
+
+    def test_a_picture_without_blur_is_left_alone(self, tmp_path, monkeypatch, capsys):
+        from skimage import data
+
+        write_png(tmp_path / "a.png", data.astronaut()[:200, 100:300])
+        arguments = ("deblur", "mmse", tmp_path / "a.png", "--out", tmp_path / "out")
+        assert self.run(monkeypatch, *arguments) == 0
+        assert "| no blur | left alone |" in (printed := capsys.readouterr().out)
+        assert "the picture is as it was" in printed
+        np.testing.assert_array_equal(read_srgb(tmp_path / "out/a.png"), read_srgb(tmp_path / "a.png"))
 
     def test_all_or_nothing(self, tmp_path, monkeypatch, capsys):
         self.prepared(tmp_path)

@@ -49,6 +49,11 @@ def leaves_unchanged(image: np.ndarray, blur: Estimate, *, where: str) -> bool:
             f"{where}: got a blur of {blur.length_px:g} px at {blur.angle_deg:g} deg, allowed: 0 to {longest_px:g} px "
             "(half the shorter side)"
         )
+    return nothing_to_undo(blur)
+
+
+def nothing_to_undo(blur: Estimate) -> bool:
+    """Return whether an estimate says length 0 or "no blur"."""
     # an estimator of a user's own may return no more than length and angle
     return blur.length_px == 0 or getattr(blur, "verdict", "blur") == "no blur"
 

@@ -31,7 +31,8 @@ from uwsim.motion_blur.deconvolution import (
 from uwsim.motion_blur.estimate import Estimate
 from uwsim.motion_blur.extension import harmonic_extension
 
-# the largest residual. Very smooth pictures without noise need thousands of steps for nothing that can be seen: after MOST_ITERATIONS up to ACCEPTED is taken
+# the largest residual. Very smooth pictures without noise need thousands of steps for nothing that can be seen: after
+# MOST_ITERATIONS up to ACCEPTED is taken
 TOLERANCE = 1e-3
 MOST_ITERATIONS = 500
 ACCEPTED = 0.03
@@ -42,10 +43,10 @@ _ROUNDS = 4
 
 
 class Solution(NamedTuple):
-    """`sharp` (H', W') on the canvas; `filled` (H', W'): the blurred picture as seen, and as is likely where it was not.
+    """`sharp` (H', W') on the canvas; `filled` (H', W'): the blurred picture as seen, and what is likely elsewhere.
 
-    `residual`: what the filter W changes of the unseen pixels of `filled`, root of the sum of squares per seen pixel, in
-    standard deviations of the noise.
+    `residual`: what the filter W changes in the unseen pixels of `filled`, root of the sum of squares per seen pixel,
+    in standard deviations of the noise.
     """
 
     sharp: np.ndarray
@@ -122,9 +123,7 @@ def _solution(part: np.ndarray, known: np.ndarray, canvas: Canvas, filled: np.nd
     return solution._replace(sharp=solution.sharp + level, filled=solution.filled + level)
 
 
-def posterior_mean(
-    filled: np.ndarray, known: np.ndarray, canvas: Canvas, *, tolerance: float = TOLERANCE
-) -> Solution:
+def posterior_mean(filled: np.ndarray, known: np.ndarray, canvas: Canvas, *, tolerance: float = TOLERANCE) -> Solution:
     """Return the mean sharp picture (H', W') given the known pixels of a blurred one of mean 0, all on the canvas.
 
     `filled` holds a first guess where `known` is false. Transforms in single precision, the residual of what they find
