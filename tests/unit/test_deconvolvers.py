@@ -480,7 +480,10 @@ class TestCommand:
         assert row["length_px"] == pytest.approx(8, abs=0.5)
 
     def test_halves_blurred_differently_are_undone_by_tiles(self, tmp_path, monkeypatch, capsys):
-        """Control: the best single blur, and the true blur of either half, make it far worse."""
+        """Where the blur jumps the tiles ring, 40 px from there they are better than the picture.
+
+        Control: the best single blur, and the true blur of either half, are far worse.
+        """
         from skimage import data
 
         gravel = data.gravel()[:320, :432] / 255
@@ -495,8 +498,10 @@ class TestCommand:
         assert (row["verdict"], row["how"]) == ("not uniform", "12 of 12 tiles")
         assert "| not uniform | 12 of 12 tiles |" in printed
         moved = linear_from_srgb_uint8(picture)
-        by_tiles = psnr(linear_from_srgb_uint8(read_srgb(tmp_path / "out/a.png"))[..., 0], sharp)
-        assert by_tiles > psnr(moved[..., 0], sharp) + 0.5
+        written = linear_from_srgb_uint8(read_srgb(tmp_path / "out/a.png"))[..., 0]
+        away = np.abs(np.arange(2 * half) + 0.5 - half) > 40
+        assert psnr(written[:, away], sharp[:, away]) > psnr(moved[:, away, 0], sharp[:, away]) + 2
+        by_tiles = psnr(written, sharp)
         for blur_ in (Estimate(row["length_px"], row["angle_deg"]), Estimate(9, 20), Estimate(9, 110)):
             assert by_tiles > psnr(mmse.deblur(moved, blur=blur_)[..., 0], sharp) + 5
 

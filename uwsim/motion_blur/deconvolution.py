@@ -16,6 +16,8 @@ MOST_WHITE_SHARE = 0.5
 SPARE_PX = 32
 # a component with less spread than this share of the picture's largest value is round-off
 _ROUND_OFF_SHARE = 1e-6
+# texture of this share of the noise is none, and no number that a ratio could not be taken to
+_LEAST_TEXTURE_SHARE = 1e-12
 
 
 class Canvas(NamedTuple):
@@ -120,8 +122,10 @@ def canvas_of(part: np.ndarray, blur: Estimate, *, spectrum: object = None, scal
     shape = canvas_shape(part.shape, reach_px=reach_px, spare_px=SPARE_PX)
     transfer = half_of(otf(shape, length_px=blur.length_px, angle_deg=blur.angle_deg))
     u, v = np.fft.fftfreq(shape[1])[None, :], np.fft.fftfreq(shape[0])[:, None]
+    noise_std = float(np.sqrt(scale) * spectrum.noise_std)
     texture_psd = half_of(scale * spectrum.texture_psd(u, v))
-    return Canvas(shape, transfer, texture_psd, float(np.sqrt(scale) * spectrum.noise_std))
+    least = max(_LEAST_TEXTURE_SHARE * noise_std**2, np.finfo(float).tiny)
+    return Canvas(shape, transfer, np.maximum(texture_psd, least), noise_std)
 
 
 def half_of(full: np.ndarray) -> np.ndarray:
