@@ -42,7 +42,7 @@ def blur_section(dataset: Dataset, result: Result | None) -> str:
     line = f"var(--c{style_of.get(ESTIMATOR, (1, ''))[0]})"
     words, deblurred = _deblurred(case, sharp, true, found.get(ESTIMATOR) or _estimate(ESTIMATOR, case), line)
     pairs = {name: (float(estimate.length_px), float(estimate.angle_deg)) for name, estimate in found.items()}
-    figures = [stored, *deblurred, twin, _kernels(true, pairs, style_of)]
+    figures = [stored, *deblurred[:1], twin, *deblurred[1:], _kernels(true, pairs, style_of)]
     text = paragraph(f"{words} PSNR and SSIM are taken on 8-bit sRGB against the sharp twin.")
     return section("blur", _TITLE, text, grid(figures, "medium"), _table(true, pairs) if pairs else "")
 
