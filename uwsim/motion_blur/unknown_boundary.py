@@ -161,16 +161,27 @@ def _correction(
     """Return what to add to the unseen pixels (n,) so that `target` of their residual is left, and the iterations."""
     from scipy.fft import irfft2, rfft2
 
-    roughness, picture = roughness.astype(np.float32), np.zeros(shape, np.float32)
-    found, direction, size = np.zeros_like(residual), residual, float(np.sum(residual**2))
+    # residuals may be as small as the square of what single precision holds: scaled to 1
+    unit = float(np.sqrt(np.mean(residual**2)))
+    roughness, residual = roughness.astype(np.float32), (residual / unit).astype(np.float32)
+    picture, found, direction = np.zeros(shape, np.float32), np.zeros_like(residual), residual.copy()
+    size = _dot(residual, residual)
     enough, iterations = target**2 * size, 0
     while size > enough and iterations < most:
-        picture.ravel()[unseen] = direction
-        image = irfft2(roughness * rfft2(picture), s=shape).ravel()[unseen].astype(float)
-        step = size / float(np.sum(direction * image))
-        found = found + step * direction
-        residual = residual - step * image
-        previous, size = size, float(np.sum(residual**2))
-        direction = residual + size / previous * direction
+        np.put(picture, unseen, direction)
+        spectrum = rfft2(picture)
+        spectrum *= roughness
+        image = np.take(irfft2(spectrum, s=shape, overwrite_x=True), unseen)
+        step = np.float32(size / _dot(direction, image))
+        found += step * direction
+        image *= step
+        residual -= image
+        previous, size = size, _dot(residual, residual)
+        direction *= np.float32(size / previous)
+        direction += residual
         iterations += 1
-    return found, iterations
+    return unit * found.astype(float), iterations
+
+
+def _dot(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.sum(one * other, dtype=float))

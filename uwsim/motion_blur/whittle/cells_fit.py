@@ -8,7 +8,7 @@ from uwsim.motion_blur.whittle.periodogram import Cells
 from uwsim.motion_blur.whittle.steps import bounded, shortened, step_of
 
 # means of several frequencies scatter less than one
-_CLIP = 3.0
+CLIP = 3.0
 # 1 / the form of the zero fill at the first zero
 _RAMP_AT_ZERO = np.float32(1 + np.pi**2)
 _HEAD = [RIGHT, UP, NOISE, STATIC, FILL]
@@ -17,15 +17,16 @@ _DAMPING = 1e-2
 
 def fit_cells(
     cells: Cells, power: np.ndarray, parameters: np.ndarray, *, free: np.ndarray, steps: int, limit_px: float, prior,
-    moving: np.ndarray | None = None,
+    moving: np.ndarray | None = None, clip: float = CLIP,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Return (parameters (S, 19), losses (S,) [nats], informative (S,)) after some steps from parameters (S, 19).
 
     `power` (C,): mean of the periodogram over each cell. Only parameters with indices `free` move. Informative is the
     number of frequencies that the texture rules, those that noise covers counting less. `moving` (C,): mean squared
-    transfer of the moving part over each cell where the blur is known; its parameters mean nothing then.
+    transfer of the moving part over each cell where the blur is known; its parameters mean nothing then. `clip`: as
+    in `model.losses`.
     """
-    evaluate = _Evaluation(cells, power, *prior, moving)
+    evaluate = _Evaluation(cells, power, *prior, moving, clip)
     damping = np.full(len(parameters), _DAMPING)
     losses, gradient, curvature = evaluate(parameters)
     for _ in range(steps):
@@ -47,14 +48,20 @@ class _Evaluation:
     """Loss, gradient and curvature of many parameter sets on the cells."""
 
     def __init__(
-        self, cells: Cells, power: np.ndarray, mean: np.ndarray, precision: np.ndarray, moving: np.ndarray | None
+        self,
+        cells: Cells,
+        power: np.ndarray,
+        mean: np.ndarray,
+        precision: np.ndarray,
+        moving: np.ndarray | None,
+        clip: float,
     ):
         self.u, self.v, self.count, self.power, self.terms = (
             a.astype(np.float32) for a in (cells.u, cells.v, cells.count, power, cells.terms)
         )
         self.products = (self.terms[:, :, None] * self.terms[:, None, :]).reshape(len(power), -1)
         self.variance = np.array(cells.variance, np.float32)
-        self.mean, self.precision = mean, precision
+        self.mean, self.precision, self.clip = mean, precision, clip
         self.moving = None if moving is None else moving.astype(np.float32)
 
     def __call__(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -65,7 +72,7 @@ class _Evaluation:
         texture = np.exp(p[:, TEXTURE] @ self.terms.T)
         signal = texture * ((1 - static) * moving + static)
         total = signal + noise
-        loss, score = model.losses(self.power, total, _CLIP)
+        loss, score = model.losses(self.power, total, self.clip)
         slope = (1 - static) * texture * slope
         by_head = np.stack(
             [

@@ -5,6 +5,7 @@ import numpy as np
 from uwsim.motion_blur.spectrum import Spectrum
 from uwsim.motion_blur.whittle import model
 from uwsim.motion_blur.whittle.cells_fit import fit_cells
+from uwsim.motion_blur.whittle.fit import CLIP
 from uwsim.motion_blur.whittle.model import FILL, LIMITS, NOISE, STATIC, TEXTURE
 from uwsim.motion_blur.whittle.periodogram import frequencies
 from uwsim.motion_blur.whittle.search import first_guess
@@ -33,8 +34,9 @@ def spectrum_of_blurred(picture: np.ndarray, *, length_px: float, angle_deg: flo
     free = np.array([NOISE, *range(TEXTURE.start, TEXTURE.stop)])
     parameters, _, _ = fit_cells(
         found.cells, power_of_cells, start, free=free, steps=_STEPS, limit_px=np.inf, prior=prior,
-        moving=found.cells.mean(transfer),
+        moving=found.cells.mean(transfer), clip=CLIP,
     )  # fmt: skip
     best = parameters[0]
     best[NOISE] = max(best[NOISE], 2 * np.log(_LEAST_NOISE_SHARE))
-    return model.spectrum(best, scale=scale, lowest_frequency=found.lowest_frequency)
+    # the power law goes on below the frequencies that are fitted: what lies beyond the border hangs on it
+    return model.spectrum(best, scale=scale, lowest_frequency=1 / max(picture.shape))
