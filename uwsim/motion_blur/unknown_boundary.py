@@ -137,7 +137,8 @@ def posterior_mean(filled: np.ndarray, known: np.ndarray, canvas: Canvas, *, tol
     scale = canvas.noise_std**2 * np.count_nonzero(known)
     iterations = 0
     while True:
-        residual = -irfft2(roughness * rfft2(filled), s=canvas.shape).ravel()[unseen]
+        spectrum = rfft2(filled)
+        residual = -irfft2(roughness * spectrum, s=canvas.shape).ravel()[unseen]
         error = float(np.sqrt(np.sum(residual**2) / scale))
         if error <= tolerance or iterations >= MOST_ITERATIONS:
             break
@@ -151,7 +152,7 @@ def posterior_mean(filled: np.ndarray, known: np.ndarray, canvas: Canvas, *, tol
             f"unknown boundary: {iterations} iterations leave a residual of {error:.2g}, allowed: {ACCEPTED:g}; noise "
             f"of {canvas.noise_std:.3g} may be too little for this picture"
         )
-    sharp = irfft2(canvas.transfer / (power + ridge) * rfft2(filled), s=canvas.shape)
+    sharp = irfft2(canvas.transfer / (power + ridge) * spectrum, s=canvas.shape)
     return Solution(sharp, filled, iterations, error)
 
 
