@@ -13,9 +13,6 @@ import numpy as np
 from uwsim.commands import require_folder
 from uwsim.progress import Report
 
-ESTIMATOR = "whittle"
-"""Whose word on the blur counts where none is named."""
-
 
 def restore_photographs(method: str, images: list[Path], out: Path, *, report: Report) -> list[dict]:
     """Restore photographs into `out`/<name>.png.
@@ -59,29 +56,32 @@ def deblur_photographs(
 ) -> list[dict]:  # fmt: skip
     """Undo the motion blur of photographs into `out`/<name>.png.
 
-    The blur is what an estimator says of each photograph, or the one given by length and angle (x right, y up). Returns
-    one row per picture: `image`, `method`, `blur_from`, `length_px`, `angle_deg`, `verdict`, `milliseconds`.
+    The blur is what an estimator says of each photograph, or the one given by length and angle (x right, y up). Where
+    `whittle` says "not uniform", each tile is undone by its own blur; where the estimator says "no blur", or the length
+    is 0, the picture is left alone. Returns one row per picture: `image`, `method`, `blur_from`, `length_px`,
+    `angle_deg`, `verdict`, `how` ("uniform", "4 of 6 tiles", "left alone"), `milliseconds`.
     """
     from uwsim.bench import runner
+    from uwsim.bench.undone import undone, way_of
     from uwsim.motion_blur import deconvolvers
 
     source, blur_of = _blur_source(estimator, length_px, angle_deg)
     module, name = _method(deconvolvers, method, knows=("blur",))
-    kind, given = runner.input_kind(module, name), runner.needs(module, name, ("blur",))
+    given = runner.needs(module, name, ("blur",))
+    runner.input_kind(module, name)
     runner.entry(module, name, "deblur")
     names, pictures = _read(images, out)
     rows, sharpened = [], []
     for done, (path, picture) in enumerate(zip(images, pictures, strict=True)):
         report(f"{name}: {path.name}", done, len(images))
         blur, where = blur_of(picture, str(path)), f"{path}: {name}"
-        output, elapsed_ms = runner.image_call(
-            module, name, "deblur", image=picture, wanted=given, makers={"blur": lambda blur=blur: blur},
-            where=where,
-        )  # fmt: skip
-        sharpened.append(runner.checked_picture(output, kind=kind, shape=picture.shape, where=where))
+        way = way_of(module, name, image=picture, blur=blur, blur_from=source)
+        output, elapsed_ms = undone(module, name, given, image=picture, way=way, where=where)
+        sharpened.append(output)
         rows.append({
             "image": path.name, "method": name, "blur_from": source, "length_px": float(blur.length_px),
-            "angle_deg": float(blur.angle_deg), "verdict": getattr(blur, "verdict", "blur"), "milliseconds": elapsed_ms,
+            "angle_deg": float(blur.angle_deg), "verdict": getattr(blur, "verdict", "blur"),
+            "how": way.how if given else "without the blur", "milliseconds": elapsed_ms,
         })  # fmt: skip
     _write(out, names, sharpened)
     return rows
@@ -89,11 +89,16 @@ def deblur_photographs(
 
 def deblurring_table(rows: list[dict]) -> str:
     """Return the rows of `deblur_photographs` as a Markdown table."""
-    lines = ["| image | blur length [px] | angle [deg] | verdict | time [ms] |", "|---" * 5 + "|"]
+    lines = ["| image | blur length [px] | angle [deg] | verdict | how | time [ms] |", "|---" * 6 + "|"]
     for row in rows:
-        blur = f"{row['length_px']:.2f} | {row['angle_deg']:.1f} | {row['verdict']}"
+        blur = f"{row['length_px']:.2f} | {row['angle_deg']:.1f} | {row['verdict']} | {row['how']}"
         lines.append(f"| {row['image']} | {blur} | {row['milliseconds']:.1f} |")
-    lines.append(f"\nBlur: {rows[0]['blur_from']}. Angles: x right, y up.")
+    words = [f"Blur: {rows[0]['blur_from']}. Angles: x right, y up."]
+    if any("tiles" in row["how"] for row in rows):
+        words.append("Not uniform: length and angle are the best single ones; every tile has its own.")
+    if any(row["how"] == "left alone" for row in rows):
+        words.append("Left alone: no blur to undo; the picture is as it was.")
+    lines.append("\n" + " ".join(words))
     return "\n".join(lines)
 
 
@@ -104,6 +109,7 @@ def _blur_source(
     from uwsim.bench import blur as bench
     from uwsim.bench.blur.estimates import Refusal
     from uwsim.bench.task import Case
+    from uwsim.bench.undone import ESTIMATOR
     from uwsim.motion_blur import estimators
     from uwsim.motion_blur.estimate import Estimate
 

@@ -120,12 +120,15 @@ def _board() -> tuple[np.ndarray, np.ndarray]:
     return tuple(cv2.resize(layer, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA) for layer in warped)
 
 
-def _smear(image: np.ndarray) -> np.ndarray:
-    """Average over a straight, uniform motion of BLUR_LENGTH_PX at BLUR_ANGLE_DEG (y up)."""
+def smear(image: np.ndarray) -> np.ndarray:
+    """Average over a straight, uniform motion of BLUR_LENGTH_PX at BLUR_ANGLE_DEG (y up).
+
+    At the middles of equal parts of the exposure: with both ends among n places the blur is n / (n - 1) too long.
+    """
     import cv2
 
     angle = math.radians(BLUR_ANGLE_DEG)
-    steps = np.linspace(-0.5, 0.5, 65) * BLUR_LENGTH_PX
+    steps = ((np.arange(64) + 0.5) / 64 - 0.5) * BLUR_LENGTH_PX
     total = np.zeros_like(image)
     for step in steps:
         shift = np.array([[1.0, 0, step * math.cos(angle)], [0, 1.0, -step * math.sin(angle)]])
@@ -146,7 +149,7 @@ def _write(folder: Path, frame: int) -> None:
     backscatter = BACKSCATTER * (1 - transmission)
     sharp = water_free * transmission + backscatter
     moving = frame == 2
-    radiance = _smear(sharp) if moving else sharp
+    radiance = smear(sharp) if moving else sharp
     buffers = {
         "radiance": radiance, "direct": radiance - backscatter, "forward_scatter": np.zeros_like(radiance),
         "backscatter": backscatter, "water_free": water_free,

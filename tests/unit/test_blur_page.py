@@ -10,7 +10,7 @@ from uwsim.bench import blur_deconvolution
 from uwsim.bench.blur import TASK as RENDERED
 from uwsim.bench.blur_controlled.frames import Frames
 from uwsim.bench.blur_controlled.task import TASK as CONTROLLED
-from uwsim.bench.blur_page import claims, dissertation, goals, page, tables
+from uwsim.bench.blur_page import claims, dissertation, figures, goals, page, tables
 from uwsim.bench.blur_page.claims import Found
 from uwsim.bench.blur_page.printed import PICTURES, Printed, printed
 from uwsim.bench.blur_page.study import Study
@@ -129,6 +129,37 @@ def test_the_folder_holds_the_page_its_figures_and_all_records(folder, text):
     assert page.text(folder) == text
     assert "Not run" not in text
     assert max(map(len, text.split("\n\n"))) < 9000
+
+
+def test_an_error_of_0_stands_at_the_floor_of_the_axis_marked(tmp_path):
+    """Setup: a method whose median error is 0 at every length. Expected: its line and its marks at the floor.
+
+    Control: without such a method there is no mark.
+    """
+    drawn = {}
+    for exact in (True, False):
+
+        def scores(method, condition, number, exact=exact):
+            found = estimator_scores(method, condition, number)
+            return found | ({"angle_error_deg": 0.0} if exact and method == "radon" else {})
+
+        study, saved = Study(controlled(scores)), []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(figures, "save", lambda figure, path, saved=saved: saved.append(figure))
+            figures.errors_over_length(study, tmp_path / "a.png", cases=[c for c in study.cases() if moved(study, c)])
+        angle = saved[0].axes[1]
+        drawn[exact] = angle.lines
+        heights = np.concatenate([line.get_ydata() for line in angle.lines])
+        assert np.nanmin(heights) >= figures.LEAST_SHOWN > angle.get_ylim()[0] > 0
+        labels = [text.get_text() for text in saved[0].legends[0].get_texts()]
+        assert ("below 0.001, drawn at it" in labels) == exact
+    marks = [[line for line in lines if line.get_marker() == "v"] for lines in (drawn[True], drawn[False])]
+    assert len(marks[0]) == 1 and marks[1] == []
+    assert set(marks[0][0].get_ydata()) == {figures.LEAST_SHOWN}
+
+
+def moved(study: Study, case: str) -> bool:
+    return study.conditions[case]["length_px"] > 0
 
 
 def test_a_page_of_one_benchmark_says_what_is_missing(tmp_path):

@@ -23,8 +23,9 @@ from uwsim.motion_blur.deconvolvers import mmse, plug_and_play_tv, richardson_lu
 from uwsim.motion_blur.estimate import Estimate
 from uwsim.motion_blur.extension import harmonic_extension
 from uwsim.motion_blur.kernels import blur, kernel, otf
-from uwsim.motion_blur.picture_spectrum import fitted_spectrum
+from uwsim.motion_blur.spectrum import Spectrum, texture_terms
 from uwsim.motion_blur.tiles import BlurField, deblur_tiles
+from uwsim.motion_blur.whittle.known_blur import spectrum_of_blurred
 
 METHODS = {name: module for name, module in discover(deconvolvers).items() if name != "none"}
 BORDER_PX = 32
@@ -103,15 +104,34 @@ class TestSpectrum:
     def test_noise_and_texture_of_known_ones(self, length_px):
         """Model tolerance: 4 % of the noise; 15 % of the density at 0.05 to 0.3 per pixel, from some thousand bins."""
         picture, _ = seen(texture(256), length_px=length_px, angle_deg=25, noise=0.01, bits=False)
-        fit = fitted_spectrum(picture, length_px=length_px, angle_deg=25)
+        fit = spectrum_of_blurred(picture, length_px=length_px, angle_deg=25)
         assert fit.noise_std == pytest.approx(0.01, rel=0.04)
         along = np.array([0.05, 0.1, 0.2, 0.3])
         for u, v in ((along, 0 * along), (0 * along, along)):
             np.testing.assert_allclose(fit.texture_psd(u, v), Known(0).texture_psd(u, v), rtol=0.3)
 
+    def test_a_blur_longer_than_the_cells_resolve(self):
+        """Model tolerance as above. Stripes 1 / 60 apart; the fit averages over cells of 1 / 85."""
+        picture, _ = seen(texture(320), length_px=60, angle_deg=70, noise=0.01, bits=False)
+        fit = spectrum_of_blurred(picture, length_px=60, angle_deg=70)
+        assert fit.noise_std == pytest.approx(0.01, rel=0.04)
+        along = np.array([0.05, 0.1, 0.2])
+        np.testing.assert_allclose(fit.texture_psd(along, 0), Known(0).texture_psd(along, 0), rtol=0.3)
+
+    def test_density_is_that_of_the_terms(self):
+        """Round-off: term by term and all at once; frequency 0 and both signs of the highest."""
+        factors = np.random.default_rng(0).normal(size=14)
+        u, v = np.fft.fftfreq(8)[None, :], np.fft.fftfreq(6)[:, None]
+        terms = texture_terms(u, v, lowest_frequency=0.05)
+        found = Spectrum(0.1, tuple(factors), 0.05).texture_psd(u, v)
+        np.testing.assert_allclose(found, np.exp(terms @ factors), rtol=1e-12)
+        phi = np.arctan2(-v, u) + 0 * u
+        np.testing.assert_allclose(terms[..., 4], np.cos(2 * phi), atol=1e-14)
+        np.testing.assert_allclose(terms[..., 9], np.sin(4 * phi), atol=1e-14)
+
     def test_control_another_blur_has_another_spectrum(self):
         picture, _ = seen(texture(256), length_px=9, angle_deg=25, noise=0.01, bits=False)
-        fit = fitted_spectrum(picture, length_px=0, angle_deg=0)
+        fit = spectrum_of_blurred(picture, length_px=0, angle_deg=0)
         assert fit.texture_psd(0.3, 0.0) < 0.5 * Known(0).texture_psd(0.3, 0.0)
 
 
@@ -123,7 +143,7 @@ class TestUnknownBoundary:
         known[3, 4:6] = False
         transfer = half_of(otf(shape, length_px=3, angle_deg=40))
         density = half_of(Known(0).texture_psd(np.fft.fftfreq(14)[None, :], np.fft.fftfreq(12)[:, None]))
-        data = np.where(known, rng.standard_normal(shape), np.nan)
+        data = np.where(known, rng.standard_normal(shape), 0)
         spectra = np.fft.rfft2(np.eye(168).reshape(168, *shape))
         blurs, whitens = (
             np.fft.irfft2(spectra * gain, s=shape).reshape(168, 168).T for gain in (transfer, 0.05**2 / density)
@@ -132,12 +152,12 @@ class TestUnknownBoundary:
         masked = blurs[known.ravel()]
         exact = np.linalg.solve(masked.T @ masked + whitens, masked.T @ data[known]).reshape(shape)
         canvas = Canvas(shape, transfer, density, 0.05)
-        solved = unknown_boundary.posterior_mean(data, known, canvas, start=np.zeros(shape), tolerance=1e-9)
+        solved = unknown_boundary.posterior_mean(data, known, canvas, tolerance=1e-9)
         np.testing.assert_allclose(solved.sharp, exact, atol=1e-7)
         assert solved.residual <= 1e-9
-        everything = unknown_boundary.posterior_mean(
-            np.nan_to_num(data), np.ones(shape, bool), canvas, start=np.zeros(shape), tolerance=1e-9
-        )
+        np.testing.assert_array_equal(solved.filled[known], data[known])
+        np.testing.assert_allclose(solved.filled[~known], (blurs @ exact.ravel()).reshape(shape)[~known], atol=1e-7)
+        everything = unknown_boundary.posterior_mean(data, np.ones(shape, bool), canvas, tolerance=1e-9)
         assert np.abs(everything.sharp - exact).max() > 0.01
 
     @pytest.mark.parametrize("length_px, least_db", [(1.2, 75), (3, 55), (8, 45)])
@@ -191,7 +211,7 @@ class TestGains:
         roomy = canvas_of(moved, estimate)
         transfer = half_of(otf(moved.shape, length_px=15, angle_deg=30))
         u, v = np.fft.rfftfreq(moved.shape[1])[None, :], np.fft.fftfreq(moved.shape[0])[:, None]
-        fit = fitted_spectrum(moved, length_px=15, angle_deg=30)
+        fit = spectrum_of_blurred(moved, length_px=15, angle_deg=30)
         bare = wiener_filtered(moved, Canvas(moved.shape, transfer, fit.texture_psd(u, v), roomy.noise_std))
         continued = wiener.deblur(moved, blur=estimate)
         assert psnr(np.clip(bare, 0, 1), sharp) < psnr(continued, sharp) - 2
@@ -450,7 +470,7 @@ class TestCommand:
         out = tmp_path / "out"
         arguments = ("deblur", "mmse", tmp_path / "a.png", "--out", out, "--json", tmp_path / "rows.json")
         assert self.run(monkeypatch, *arguments, "--length-px", 8, "--angle-deg", 210) == 0
-        assert "| a.png | 8.00 | 30.0 | blur |" in capsys.readouterr().out
+        assert "| a.png | 8.00 | 30.0 | blur | uniform |" in capsys.readouterr().out
         assert psnr(linear_from_srgb_uint8(read_srgb(out / "a.png")), truth) > psnr(moved, truth) + 3
         (row,) = json.loads((tmp_path / "rows.json").read_text())
         assert (row["image"], row["method"], row["blur_from"], row["length_px"]) == ("a.png", "mmse", "given", 8.0)
@@ -458,6 +478,42 @@ class TestCommand:
         (row,) = json.loads((tmp_path / "rows.json").read_text())
         assert row["blur_from"] == "cepstrum_minimum"
         assert row["length_px"] == pytest.approx(8, abs=0.5)
+
+    def test_halves_blurred_differently_are_undone_by_tiles(self, tmp_path, monkeypatch, capsys):
+        """Where the blur jumps the tiles ring, 40 px from there they are better than the picture.
+
+        Control: the best single blur, and the true blur of either half, are far worse.
+        """
+        from skimage import data
+
+        gravel = data.gravel()[:320, :432] / 255
+        (left, sharp), (right, _) = (seen(gravel, length_px=9, angle_deg=angle_deg) for angle_deg in (20, 110))
+        half = left.shape[1] // 2
+        picture = srgb_uint8_from_linear(np.repeat(np.hstack([left[:, :half], right[:, half:]])[..., None], 3, axis=2))
+        write_png(tmp_path / "a.png", picture)
+        arguments = ("deblur", "mmse", tmp_path / "a.png", "--out", tmp_path / "out")
+        assert self.run(monkeypatch, *arguments, "--json", tmp_path / "rows.json") == 0
+        assert "every tile has its own" in (printed := capsys.readouterr().out)
+        (row,) = json.loads((tmp_path / "rows.json").read_text())
+        assert (row["verdict"], row["how"]) == ("not uniform", "12 of 12 tiles")
+        assert "| not uniform | 12 of 12 tiles |" in printed
+        moved = linear_from_srgb_uint8(picture)
+        written = linear_from_srgb_uint8(read_srgb(tmp_path / "out/a.png"))[..., 0]
+        away = np.abs(np.arange(2 * half) + 0.5 - half) > 40
+        assert psnr(written[:, away], sharp[:, away]) > psnr(moved[:, away, 0], sharp[:, away]) + 2
+        by_tiles = psnr(written, sharp)
+        for blur_ in (Estimate(row["length_px"], row["angle_deg"]), Estimate(9, 20), Estimate(9, 110)):
+            assert by_tiles > psnr(mmse.deblur(moved, blur=blur_)[..., 0], sharp) + 5
+
+    def test_a_picture_without_blur_is_left_alone(self, tmp_path, monkeypatch, capsys):
+        from skimage import data
+
+        write_png(tmp_path / "a.png", data.astronaut()[:200, 100:300])
+        arguments = ("deblur", "mmse", tmp_path / "a.png", "--out", tmp_path / "out")
+        assert self.run(monkeypatch, *arguments) == 0
+        assert "| no blur | left alone |" in (printed := capsys.readouterr().out)
+        assert "the picture is as it was" in printed
+        np.testing.assert_array_equal(read_srgb(tmp_path / "out/a.png"), read_srgb(tmp_path / "a.png"))
 
     def test_all_or_nothing(self, tmp_path, monkeypatch, capsys):
         self.prepared(tmp_path)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import synthetic
 
+from uwsim.bench import blur, restoration
+from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.page import markup, pictures
 from uwsim.bench.page.kernel import kernel_drawing
 from uwsim.bench.page.plots import optical_thickness
@@ -118,6 +120,53 @@ def test_without_moving_or_marker_frames_the_sections_say_so(tmp_path):
     assert "Restorations of one frame" in text
 
 
+def scores_of(text: str, title: str) -> tuple[float, float]:
+    """Return PSNR and SSIM in the caption of the picture of the blur section with this title."""
+    inside = text.partition('<section id="blur"')[2].partition("</section>")[0]
+    caption = inside.partition(f"<figcaption><b>{title}</b>")[2].partition("</figcaption>")[0]
+    return tuple(map(float, re.search(r"PSNR ([\d.]+) dB, SSIM ([\d.]+)", caption).groups()))
+
+
+def test_the_blurred_frame_is_deblurred_with_the_estimated_kernel(full, dataset):
+    """Expected: nearer to the sharp twin than as stored, by the numbers of the page; both kernels are drawn."""
+    before, after = scores_of(full, "as stored"), scores_of(full, "deblurred")
+    assert after[0] > before[0] + 1 and after[1] > before[1]
+    frame = dataset.frame("000002")
+    sharp = pictures.through_camera(frame, "sharp")
+    assert before[0] == pytest.approx(restoration.picture_scores(sharp, frame.image)["psnr"], abs=0.006)
+    drawing = full.partition("<b>true and estimated kernel</b>")[0].rpartition("<svg")[2]
+    (half,) = {float(x) for x in re.findall(r"L(\S+) \S+?\" style=\"stroke:currentColor", drawing)}
+    assert half == pytest.approx(4 * np.cos(np.radians(synthetic.BLUR_ANGLE_DEG)), rel=1e-3)
+    (found,) = {float(x) for x in re.findall(r"L(\S+) \S+?\" style=\"stroke:var", drawing)}
+    assert found == pytest.approx(half, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words", "shown"),
+    [
+        ("no blur", "whittle sees no blur in this frame: it is left as it is", False),
+        ("not uniform", "not uniform; the frame is too small for tiles", True),
+        (None, "whittle has no answer to this frame, so it is not deblurred: too dark", False),
+    ],
+)
+def test_the_page_says_what_the_estimator_says(tmp_path, dataset, results, monkeypatch, verdict, words, shown):
+    """Setup: the estimator's word replaced. Control: the page of the words that it has says none of these."""
+    estimated = blur.estimated
+
+    def replaced(module, name, given, case):
+        found, elapsed_ms = estimated(module, name, given, case)
+        if name == "whittle":
+            found = Refusal("too dark") if verdict is None else found._replace(verdict=verdict)
+        return found, elapsed_ms
+
+    only = [result for result in results if result["benchmark"] == "blur"]
+    assert words not in Page(report(tmp_path, dataset, only)).text
+    monkeypatch.setattr(blur, "estimated", replaced)
+    text = report(tmp_path, dataset, only)
+    assert words in Page(text).text
+    assert ("<b>deblurred</b>" in text) == shown
+
+
 def test_with_moving_frames_only(tmp_path):
     small = synthetic.write_dataset(tmp_path / "small", (2,))
     text = report(tmp_path, small, [run("blur", small).to_dict()])
@@ -158,8 +207,8 @@ def test_limits_of_empty_and_flat_maps_are_usable():
 
 
 def test_the_kernel_drawing_has_y_up():
-    blur = Blur(length_px=10, angle_deg=90, spread_px=0, uniform=True)
-    drawing = kernel_drawing(blur, {"a": (8.0, 0.0), "b": (np.nan, 0.0)}, {"a": "red", "b": "blue"})
+    true = Blur(length_px=10, angle_deg=90, spread_px=0, uniform=True)
+    drawing = kernel_drawing(true, {"a": (8.0, 0.0), "b": (np.nan, 0.0)}, {"a": "red", "b": "blue"})
     start, end = re.search(r'd="M(\S+ \S+?)L(\S+ \S+?)" style="stroke:currentColor', drawing).groups()
     assert float(start.split()[1]) == pytest.approx(5)  # 90 deg points up, where y is negative in a drawing
     assert float(end.split()[1]) == pytest.approx(-5)

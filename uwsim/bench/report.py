@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from uwsim.bench.page import frames, methods, scores
+from uwsim.bench.page import frames, methods, motion, scores
 from uwsim.bench.page.markup import asset, escape, flatten, pairs_table, paragraph, section
 from uwsim.bench.records import Result, result_from_dict
 from uwsim.dataset.store import Dataset
@@ -44,7 +44,7 @@ def page(
         frames.compare_section(frame),
         frames.layers_section(frame),
         methods.restoration_section(frame, dataset, shown["restoration"]) if "restoration" in shown else "",
-        methods.blur_section(dataset, shown.get("blur")),
+        motion.blur_section(dataset, shown.get("blur")),
         methods.pose_section(dataset, shown.get("pose")),
         _benchmarks(results, dataset),
         frames.overview_section(dataset, gallery),

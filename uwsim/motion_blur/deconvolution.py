@@ -7,7 +7,7 @@ import numpy as np
 from uwsim.motion_blur.estimate import Estimate, grey_from_image
 from uwsim.motion_blur.extension import canvas_shape
 from uwsim.motion_blur.kernels import otf
-from uwsim.motion_blur.picture_spectrum import fitted_spectrum
+from uwsim.motion_blur.whittle.known_blur import spectrum_of_blurred
 
 # linear light of 254.5 / 255 in sRGB: from here on an 8-bit picture shows white, whatever the light was
 WHITE_FROM = 0.9955
@@ -16,6 +16,8 @@ MOST_WHITE_SHARE = 0.5
 SPARE_PX = 32
 # a component with less spread than this share of the picture's largest value is round-off
 _ROUND_OFF_SHARE = 1e-6
+# texture of this share of the noise is none, and no number that a ratio could not be taken to
+_LEAST_TEXTURE_SHARE = 1e-12
 
 
 class Canvas(NamedTuple):
@@ -49,6 +51,11 @@ def leaves_unchanged(image: np.ndarray, blur: Estimate, *, where: str) -> bool:
             f"{where}: got a blur of {blur.length_px:g} px at {blur.angle_deg:g} deg, allowed: 0 to {longest_px:g} px "
             "(half the shorter side)"
         )
+    return nothing_to_undo(blur)
+
+
+def nothing_to_undo(blur: Estimate) -> bool:
+    """Return whether an estimate says length 0 or "no blur"."""
     # an estimator of a user's own may return no more than length and angle
     return blur.length_px == 0 or getattr(blur, "verdict", "blur") == "no blur"
 
@@ -109,14 +116,16 @@ def canvases_of(parts: np.ndarray, image: np.ndarray, blur: Estimate, spectrum: 
 def canvas_of(part: np.ndarray, blur: Estimate, *, spectrum: object = None, scale: float = 1.0) -> Canvas:
     """Return the canvas of a picture (H, W); `spectrum`, fitted without, is of the picture / sqrt(scale)."""
     if spectrum is None:
-        scale, spectrum = 1.0, fitted_spectrum(part, length_px=blur.length_px, angle_deg=blur.angle_deg)
+        scale, spectrum = 1.0, spectrum_of_blurred(part, length_px=blur.length_px, angle_deg=blur.angle_deg)
     angle = np.radians(blur.angle_deg)
     reach_px = (abs(blur.length_px * np.sin(angle)), abs(blur.length_px * np.cos(angle)))
     shape = canvas_shape(part.shape, reach_px=reach_px, spare_px=SPARE_PX)
     transfer = half_of(otf(shape, length_px=blur.length_px, angle_deg=blur.angle_deg))
     u, v = np.fft.fftfreq(shape[1])[None, :], np.fft.fftfreq(shape[0])[:, None]
+    noise_std = float(np.sqrt(scale) * spectrum.noise_std)
     texture_psd = half_of(scale * spectrum.texture_psd(u, v))
-    return Canvas(shape, transfer, texture_psd, float(np.sqrt(scale) * spectrum.noise_std))
+    least = max(_LEAST_TEXTURE_SHARE * noise_std**2, np.finfo(float).tiny)
+    return Canvas(shape, transfer, np.maximum(texture_psd, least), noise_std)
 
 
 def half_of(full: np.ndarray) -> np.ndarray:

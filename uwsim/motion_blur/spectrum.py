@@ -4,6 +4,7 @@ Frequencies u (columns, x right) and v (rows, y **down**) are in cycles per pixe
 them; densities are in squared image units, so that white noise of standard deviation s has the density s^2.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,6 @@ import numpy as np
 REFERENCE_FREQUENCY = 0.1  # cycles per pixel: where the amplitude of the power law is quoted
 NYQUIST_FREQUENCY = 0.5
 TEXTURE_TERMS = 14
-# orders of the periodic terms in the direction of the frequency; odd ones cannot be: a real picture's spectrum is even
-_ORDERS = (2, 4)
 
 
 def texture_terms(u: np.ndarray, v: np.ndarray, *, lowest_frequency: float) -> np.ndarray:
@@ -22,17 +21,25 @@ def texture_terms(u: np.ndarray, v: np.ndarray, *, lowest_frequency: float) -> n
     x = ln(r / 0.1): 1, -x, x^2, -(r / 0.5)^2, then cos m phi, sin m phi, x cos m phi, x sin m phi for m = 2 and 4, then
     -(r / 0.5)^2 times cos 2 phi and sin 2 phi: with the fourth, a Gaussian roll-off that is an ellipse.
     """
+    return np.stack(list(_terms(u, v, lowest_frequency)), axis=-1)
+
+
+def _terms(u: np.ndarray, v: np.ndarray, lowest_frequency: float) -> Iterator[np.ndarray]:
+    """Yield the terms of `texture_terms` one by one."""
     u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
-    r = np.maximum(np.hypot(u, v), lowest_frequency)
+    distance = np.hypot(u, v)
+    # the direction of frequency 0 is taken to be x
+    right = np.divide(u, distance, out=np.ones_like(distance), where=distance > 0)
+    up = np.divide(-v, distance, out=np.zeros_like(distance), where=distance > 0)
+    r = np.maximum(distance, lowest_frequency)
     x = np.log(r / REFERENCE_FREQUENCY)
-    phi = np.arctan2(-v, u)
     roll_off = -((r / NYQUIST_FREQUENCY) ** 2)
-    terms = [np.ones_like(x), -x, x**2, roll_off]
-    for order in _ORDERS:
-        cosine, sine = np.cos(order * phi), np.sin(order * phi)
-        terms += [cosine, sine, x * cosine, x * sine]
-    terms += [roll_off * np.cos(2 * phi), roll_off * np.sin(2 * phi)]
-    return np.stack(terms, axis=-1)
+    yield from (np.ones_like(x), -x, x**2, roll_off)
+    twice = right**2 - up**2, 2 * right * up
+    # orders 2 and 4; odd ones cannot be: a real picture's spectrum is even
+    for cosine, sine in (twice, (twice[0] ** 2 - twice[1] ** 2, 2 * twice[0] * twice[1])):
+        yield from (cosine, sine, x * cosine, x * sine)
+    yield from (roll_off * twice[0], roll_off * twice[1])
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,8 @@ class Spectrum:
 
     def texture_psd(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return S_f, the power spectral density of the sharp texture, at frequencies of any (broadcast) shape."""
-        return np.exp(texture_terms(u, v, lowest_frequency=self.lowest_frequency) @ np.asarray(self.texture))
+        terms = _terms(u, v, self.lowest_frequency)
+        return np.exp(sum(factor * term for factor, term in zip(self.texture, terms, strict=True)))
 
     def noise_psd(self) -> float:
         """Return the power spectral density of the noise, the same at all frequencies."""

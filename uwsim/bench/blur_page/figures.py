@@ -1,6 +1,5 @@
 """Figures of the blur page that the scores alone make."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,22 +11,33 @@ from uwsim.bench.study import title
 from uwsim.metrics.blur import MEDIAN_OVER_SD
 
 LEAST_SHOWN = 1e-3
+"""Floor of the logarithmic axes: smaller errors, 0 among them, are drawn there with a mark of their own."""
+_FLOOR_MARK = "v"
 
 
 def errors_over_length(study: Study, path: Path, *, cases: list[str]) -> None:
-    """Draw the median errors over the length of the blur, and below them what the bound allows."""
+    """Draw the median errors over the length of the blur, and below them what the bound allows.
+
+    Errors below LEAST_SHOWN, such as 0 where the true angle is one that a method tries, stand at it as triangles.
+    """
     figure, (panels,) = new_figure(1, 2, width=5.5, height=4.4)
     steps = study.steps("length_px", cases)
     of_length = [[case for case in cases if study.conditions[case]["length_px"] == step] for step in steps]
+    below = False
     for panel, (quantity, unit) in zip(panels, (("length", "px"), ("angle", "deg")), strict=True):
         metric = f"{quantity}_error_{unit}"
-        _lines(panel, study, steps, lambda name, n, metric=metric: study.median(name, metric, of_length[n]))
+        below |= _lines(
+            panel, study, steps, lambda name, n, metric=metric: study.median(name, metric, of_length[n]),
+            floor=LEAST_SHOWN,
+        )  # fmt: skip
         bounds = [[study.bound(case, quantity) for case in found] for found in of_length]
         bound = [MEDIAN_OVER_SD * np.nanmedian(found) for found in bounds]
         panel.plot(steps, bound, "k:", linewidth=2, label="Cramer-Rao bound (median error at it)")
         panel.set(xlabel="length of the blur [px]", ylabel=f"{quantity} error [{unit}], median", yscale="log")
-        panel.set_ylim(bottom=LEAST_SHOWN)
+        panel.set_ylim(bottom=LEAST_SHOWN / 1.25)
         panel.grid(color="0.9")
+    if below:
+        panels[0].plot([], [], _FLOOR_MARK, color="0.3", label=f"below {LEAST_SHOWN:g}, drawn at it")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
     save(figure, path)
 
@@ -88,20 +98,29 @@ def rendered(study: Study, path: Path, *, groups: dict[str, list[str]]) -> None:
 
 
 def _lines(
-    panel, study: Study, steps: list, of: Callable[[str, int], float], *, raw: bool = True, joined: bool = True
-) -> None:
-    """Draw of(method, number of the step) per method, as a line or, where steps are no scale, as points."""
+    panel, study: Study, steps: list, of: Callable[[str, int], float], *, raw: bool = True, joined: bool = True,
+    floor: float | None = None,
+) -> bool:  # fmt: skip
+    """Draw of(method, number of the step) per method, as a line or, where steps are no scale, as points.
+
+    Returns whether there are values below `floor`, which are drawn at it, marked.
+    """
+    below = False
     for index, method in enumerate(study.methods):
         if method == study.raw and not raw:
             continue
-        heights = [of(method, number) for number in range(len(steps))]
-        if all(map(math.isnan, heights)):
+        heights = np.array([of(method, number) for number in range(len(steps))])
+        if np.isnan(heights).all():
             continue
         own = method.endswith(OURS) or method == PRINTED
         yardstick = {study.raw: "--", study.oracle: "-."}.get(method)
         style = yardstick or ("-" if index < 10 else ":")
+        colour = "0.6" if yardstick else f"C{index % 10}"
         panel.plot(
-            steps, np.maximum(heights, LEAST_SHOWN) if panel.get_yscale() == "log" else heights, label=title(method),
-            color="0.6" if yardstick else f"C{index % 10}", linestyle=style if joined else "",
-            linewidth=2.4 if own else 1.2, marker="o" if own else ".",
+            steps, heights if floor is None else np.maximum(heights, floor), label=title(method), color=colour,
+            linestyle=style if joined else "", linewidth=2.4 if own else 1.2, marker="o" if own else ".",
         )  # fmt: skip
+        if floor is not None and (low := heights < floor).any():
+            below = True
+            panel.plot(np.asarray(steps)[low], np.full(low.sum(), floor), _FLOOR_MARK, color=colour, markersize=8)
+    return below

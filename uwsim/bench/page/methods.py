@@ -1,14 +1,11 @@
-"""What the methods make of one frame each: restorations, blur kernels, poses."""
+"""What the methods make of one frame each: restorations and poses, and their numbers."""
 
 import math
 
 import numpy as np
 
-from uwsim.bench import blur, pose, restoration
-from uwsim.bench.page.kernel import kernel_drawing
+from uwsim.bench import pose, restoration
 from uwsim.bench.page.markup import cell, escape, figure, grid, paragraph, picture, section, sortable_table
-from uwsim.bench.page.pictures import through_camera
-from uwsim.bench.page.plots import legend, styles
 from uwsim.bench.page.pose_overlay import pose_figure
 from uwsim.bench.records import Result, number, role
 from uwsim.bench.run import Algorithm, load
@@ -39,7 +36,7 @@ def restoration_section(frame: Frame, dataset: Dataset, result: Result) -> str:
     if frame.info.blur is not None:
         return section("restorations", title, paragraph("This dataset has no still frame, so nothing was restored."))
     case = restoration.case(dataset, frame.name)
-    figures, left_out = [_restored("as stored", case.image, case.truth, "the input of every method")], []
+    figures, left_out = [scored_picture("as stored", case.image, case.truth, "the input of every method")], []
     for algorithm in runnable(result, restoration.TASK):
         if role(result, algorithm.name) == "do-nothing":  # shown as stored
             continue
@@ -50,61 +47,19 @@ def restoration_section(frame: Frame, dataset: Dataset, result: Result) -> str:
             continue
         kind = "the oracle, " if role(result, algorithm.name) else ""
         given = ", ".join(algorithm.given) or "the picture alone"
-        figures.append(_restored(algorithm.name, image, case.truth, f"{kind}given {given}"))
+        figures.append(scored_picture(algorithm.name, image, case.truth, f"{kind}given {given}"))
     twin = picture(case.truth, "The water-free twin")
     figures.append(figure(twin, "reference", "the water-free twin through the same camera, without noise"))
     text = f"Frame {frame.name}. PSNR and SSIM are taken on 8-bit sRGB against the reference; no gain is fitted."
     return section("restorations", title, paragraph(text + "".join(left_out)), grid(figures, "medium"))
 
 
-def _restored(name: str, image: np.ndarray, truth: np.ndarray, note: str) -> str:
+def scored_picture(name: str, image: np.ndarray, truth: np.ndarray, note: str) -> str:
+    """Return the figure of an 8-bit picture with its scores against the truth; `note`: plain text."""
     scores = restoration.picture_scores(truth, image)
     psnr = f"{scores['psnr']:.2f} dB" if math.isfinite(scores["psnr"]) else "identical"
     words = f'<span class="scores">PSNR {psnr}, SSIM {scores["ssim"]:.3f}</span>; {escape(note)}'
     return figure(picture(image, f"The frame, {name}"), name, words)
-
-
-def blur_section(dataset: Dataset, result: Result | None) -> str:
-    """Return a frame in motion, its sharp twin, the true kernel and what the estimators say."""
-    title = "Motion blur"
-    frames = [frame for frame in dataset.frames if frame.info.blur is not None]
-    if not frames:
-        return section("blur", title, paragraph("This dataset has no frame in motion, so there is no blur to show."))
-    frames = [frame for frame in frames if frame.info.blur.uniform] or frames
-    frame = sorted(frames, key=lambda frame: frame.info.blur.length_px)[len(frames) // 2]
-    true = frame.info.blur
-    estimates = _estimates(frame, dataset, result) if result else {}
-    style_of = {name: style for name, style in styles(result).items() if name in estimates} if result else {}
-    drawing = kernel_drawing(true, estimates, {name: f"var(--c{colour})" for name, (colour, _) in style_of.items()})
-    spread = "" if true.uniform else f", spread {true.spread_px:.2g} px"
-    words = f"wide band: the true path of a point during the exposure, {true.length_px:.3g} px at "
-    words += f"{true.angle_deg:.3g}°{spread}; lines: the estimates"
-    stored = picture(frame.image, "The blurred frame as stored")
-    sharp = picture(through_camera(frame, "sharp"), "The same scene without motion")
-    figures = [
-        figure(stored, "as stored", f"frame {escape(frame.name)}"),
-        figure(sharp, "sharp twin", "a momentary exposure in the middle of the real one, without noise"),
-        figure(drawing, "kernel", escape(words) + (legend(style_of) if style_of else "")),
-    ]
-    return section("blur", title, grid(figures, "medium"), _blur_table(true, estimates) if estimates else "")
-
-
-def _estimates(frame: Frame, dataset: Dataset, result: Result) -> dict[str, tuple[float, float]]:
-    case = blur.case(dataset, frame.name)
-    found = {}
-    for algorithm in runnable(result, blur.TASK):
-        estimate, _ = blur.estimated(algorithm.module, algorithm.name, algorithm.given, case)
-        found[algorithm.name] = float(estimate.length_px), float(estimate.angle_deg)
-    return found
-
-
-def _blur_table(true, estimates: dict[str, tuple[float, float]]) -> str:
-    heads = [("algorithm", False), ("length [px]", True), ("angle [deg]", True)]
-    rows = [
-        [cell(escape(name)), *(_number(value, "no estimate") for value in pair)]
-        for name, pair in {"truth": (true.length_px, true.angle_deg), **estimates}.items()
-    ]
-    return sortable_table(heads, rows, "This frame; angle: x right, y up, modulo 180°", kind="short")
 
 
 def pose_section(dataset: Dataset, result: Result | None) -> str:
@@ -121,7 +76,7 @@ def pose_section(dataset: Dataset, result: Result | None) -> str:
         found[algorithm.name], _ = pose.solved(algorithm.module, algorithm.name, algorithm.given, case)
         scores = pose.score(algorithm.module, algorithm.name, algorithm.given, case)
         numbers = [scores[key] for key in ("rotation_error_deg", "translation_error_percent", "corner_error_px")]
-        rows.append([cell(escape(algorithm.name)), *(_number(value, "no pose") for value in numbers)])
+        rows.append([cell(escape(algorithm.name)), *(number_cell(value, "no pose") for value in numbers)])
     texts = ("rotation error [deg]", "translation error [%]", "corner error [px]")
     heads = [("solver", False), *((text, True) for text in texts)]
     numbers = sortable_table(heads, rows, f"Errors in frame {case.name}", kind="short") if rows else ""
@@ -135,6 +90,7 @@ def _pose_case(dataset: Dataset, names: list[str]) -> Case:
     return seen or pose.case(dataset, names[0])
 
 
-def _number(value: float, otherwise: str) -> str:
+def number_cell(value: float, otherwise: str) -> str:
+    """Return the cell of a number, or of words where it is none."""
     known = math.isfinite(value)
     return cell(number(value) if known else otherwise, value=value if known else None, numeric=True)

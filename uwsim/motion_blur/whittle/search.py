@@ -63,7 +63,7 @@ def candidates(
     """
     power_of_cells = frequencies.cells.mean(power[frequencies.fitted].astype(float))
     displacements = np.concatenate([_on_rings(plan.ring_px), _from_cepstrum(frequencies, power, limit_px), hints_px])
-    parameters = _first_guess(frequencies, power, power_of_cells, displacements, prior)
+    parameters = first_guess(frequencies, power, power_of_cells, displacements, prior)
     prior = tuple(values.copy() for values in prior)
     if plan.uniform:
         parameters[:, STATIC], parameters[:, FILL] = _UNIFORM_STATIC_LN, _UNIFORM_FILL_LN
@@ -110,7 +110,7 @@ def _from_cepstrum(frequencies: Frequencies, power: np.ndarray, limit_px: float)
     return np.stack([columns[column[deepest]], -rows[row[deepest]]], axis=1).astype(float)
 
 
-def _first_guess(
+def first_guess(
     frequencies: Frequencies, power: np.ndarray, power_of_cells: np.ndarray, displacements: np.ndarray, prior
 ) -> np.ndarray:
     """Return (S, 19): the prior's texture, its amplitude from the lower frequencies, noise from the highest."""
