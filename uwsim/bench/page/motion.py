@@ -3,7 +3,7 @@
 import numpy as np
 
 from uwsim.bench import blur
-from uwsim.bench.blur.estimates import Refusal, answer
+from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.page.kernel import kernel_drawing
 from uwsim.bench.page.markup import cell, escape, figure, grid, paragraph, picture, section, sortable_table
 from uwsim.bench.page.methods import number_cell, runnable, scored_picture
@@ -75,7 +75,7 @@ def _deblurred(case: Case, sharp: np.ndarray, true: Blur, estimate: object, line
         image, _ = undone(module, DECONVOLVER, ("blur",), image=case.image, way=way, where=where)
     except ValueError as reason:
         return f"The frame is not deblurred: {reason}.", []
-    length_px, angle_deg = answer(estimate)
+    length_px, angle_deg = float(estimate.length_px), float(estimate.angle_deg)
     said = f"{length_px:.3g} px at {angle_deg:.3g}°"
     note = f"by {DECONVOLVER}, told the estimated kernel, {said}"
     words = f"{DECONVOLVER} undoes the blur that {ESTIMATOR} finds in the picture."
