@@ -96,9 +96,7 @@ def _basis(window: _Window, unknowns: np.ndarray) -> np.ndarray:
     radius, blur = np.exp(unknowns[2:4])
     columns = window.first[0] + (np.arange(width * samples) + 0.5) / samples - unknowns[0]
     rows = window.first[1] + (np.arange(height * samples) + 0.5) / samples - unknowns[1]
-    x, y = (
-        (way[0] * columns[None, :] + way[1] * rows[:, None]) / radius for way in window.back
-    )
+    x, y = ((way[0] * columns[None, :] + way[1] * rows[:, None]) / radius for way in window.back)
     distance = np.sqrt(x * x + y * y)
     inside = np.clip((1 - distance) * radius * samples + 0.5, 0, 1)
     z = np.sqrt(np.clip(1 - distance * distance, 0, None))
@@ -154,20 +152,16 @@ def _solved(window: _Window, unknowns, noise: float, centre_px, radius_px: float
         lambda tried: _residuals(window, tried, noise), np.clip(unknowns, low + 1e-6, high - 1e-6),
         jac=lambda tried: _slope(window, tried, noise),
         bounds=(low, high), x_scale=[0.1 * radius_px, 0.1 * radius_px, 0.1, 0.3, 0.3, 0.3],
-        xtol=1e-5, ftol=1e-6, max_nfev=30,
+        xtol=1e-4, ftol=1e-5, max_nfev=15,
     )  # fmt: skip
     on_limit = np.any(np.abs(found.x[:3] - low[:3]) < 1e-3) or np.any(np.abs(found.x[:3] - high[:3]) < 1e-3)
     return None if on_limit or not np.all(np.isfinite(found.x)) else found.x
 
 
 def _slope(window: _Window, unknowns: np.ndarray, noise: float) -> np.ndarray:
-    columns = []
-    for place in range(_UNKNOWNS):
-        step = np.zeros(_UNKNOWNS)
-        step[place] = _STEP
-        ahead, behind = (_residuals(window, unknowns + way * step, noise) for way in (1, -1))
-        columns.append((ahead - behind) / (2 * _STEP))
-    return np.stack(columns, axis=-1)
+    here = _residuals(window, unknowns, noise)
+    steps = _STEP * np.eye(_UNKNOWNS)
+    return np.stack([(_residuals(window, unknowns + step, noise) - here) / _STEP for step in steps], axis=-1)
 
 
 def _weights(window: _Window, model: np.ndarray) -> np.ndarray:
