@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-_SHARPEST_PX, _BLUNTEST = 0.25, 1.0
+_SHARPEST_PX, _BLUNTEST = 0.12, 1.0
 """Of the blur: next to none, and one radius."""
 _LIGHT_SD = 1.0
 """What is known of the light beforehand: it comes from near the camera, tangents of the angle to its axis so large."""
@@ -19,8 +19,8 @@ _MOST_LIGHT = 3.0
 _REACH_PX, _REACH = 3.0, 1.5
 _LEAST_SPARE = 10
 _OUTLIER_SDS = 4.0
-_ROUNDS = 2
-_SAMPLES_PER_RADIUS = 8
+_ROUNDS = 3
+_SAMPLES_PER_RADIUS = 20
 _MOST_SAMPLES = 4
 _STEP = 0.01
 _UNKNOWNS, _FACTORS = 6, 5
@@ -51,17 +51,22 @@ class _Window(NamedTuple):
 
 
 def fit_sphere(
-    grey: np.ndarray, usable: np.ndarray, *, centre_px: np.ndarray, radius_px: float, shape: np.ndarray
-) -> Fit | None:
+    grey: np.ndarray, usable: np.ndarray, saturated: np.ndarray, *, centre_px: np.ndarray, radius_px: float,
+    shape: np.ndarray,
+) -> Fit | None:  # fmt: skip
     """Return the fit to a linear picture (H, W) from a rough centre and radius; None where there is no such disc.
 
-    `usable` (H, W) bool leaves out pixels that are saturated or belong to something else. `shape` (2, 2), of
-    determinant 1: the outline is the circle of `radius_px` times it. Noise is taken as independent from pixel to pixel,
-    of a variance that grows linearly with the light; both of its numbers are found from the residuals.
+    `usable` (H, W) bool leaves out pixels that belong to something else; `saturated` (H, W) bool are at least as bright
+    as they are: the model may be brighter there at no cost. `shape` (2, 2), of determinant 1: the outline is the circle
+    of `radius_px` times it. Noise is taken as independent from pixel to pixel; what its variance is made of
+    (`_weights`) is found from the residuals.
 
-    Source: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (variable projection); the picture is this project's.
+    Source: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (variable projection); Dempster and others, J. R. Stat.
+    Soc. B 39(1), 1977 (pixels known to be brighter, filled in); the picture is this project's.
     """
     window = _cut(grey, usable, centre_px, radius_px, np.linalg.inv(shape))
+    high = _cut(saturated, usable, centre_px, radius_px, window.back).values > 0
+    least = window.values
     unknowns = np.array([*centre_px, np.log(radius_px), np.log(max(0.2 * radius_px, 0.6)), 0.0, 0.0])
     noise = 1.0
     for _ in range(_ROUNDS):
@@ -71,7 +76,9 @@ def fit_sphere(
         unknowns = _solved(window, unknowns, noise, centre_px, radius_px)
         if unknowns is None:
             return None
-        window = window._replace(weights=_weights(window, _model(window, unknowns)[0]))
+        model = _model(window, unknowns)[0]
+        window = window._replace(values=np.where(high, np.maximum(least, model), least))
+        window = window._replace(weights=_weights(window, model))
     return _described(window, unknowns)
 
 
@@ -165,14 +172,20 @@ def _slope(window: _Window, unknowns: np.ndarray, noise: float) -> np.ndarray:
 
 
 def _weights(window: _Window, model: np.ndarray) -> np.ndarray:
-    """Return 1 / variance, relative, of a variance linear in the light; 0 for pixels that the model is far off."""
+    """Return 1 / variance, relative; 0 for pixels that the model is far off.
+
+    The variance is a sum of a constant, a share of the light (photons) and a share of the squared slope: at an edge a
+    picture is off by what its blur is not quite a Gaussian, a rendered one by its samples.
+    """
     from scipy.optimize import nnls
 
     used = window.weights > 0
     squares = (window.values - model) ** 2
     typical = max(squares[used].mean(), 1e-300)
     light = np.clip(model, 0, None) / max(model[used].max(), 1e-300)
-    parts = np.stack([np.ones(light.shape), light], axis=-1)
+    down, across = np.gradient(model)
+    steep = down**2 + across**2
+    parts = np.stack([np.ones(light.shape), light, steep / max(steep[used].max(), 1e-300)], axis=-1)
     found, _ = nnls(parts[used], np.minimum(squares, 16 * typical)[used] / typical)
     variance = np.maximum(parts @ found, 0.02 * found.sum() + 1e-12)
     far_off = squares > _OUTLIER_SDS**2 * variance * typical

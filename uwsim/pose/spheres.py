@@ -1,7 +1,7 @@
 """Find bright spheres or LEDs in a turbid picture: their centres to a fraction of a pixel, with a covariance.
 
 Blobs of a fitting size are sought in scale space, the light that the water scatters taken off; each is then fitted by a
-shaded disc with a blurred edge on a sloping ground (`sphere_fit`), in linear light, saturated pixels left out. What is
+lit ball, blurred, on a sloping ground (`sphere_fit`), in linear light; saturated pixels are at least so bright. What is
 fitted is the middle of the outline; with a `lens` the image of the sphere's centre is returned, which lies nearer to
 the axis (`sphere_outline`).
 """
@@ -17,7 +17,6 @@ from uwsim.pose.sphere_fit import fit_sphere
 from uwsim.pose.sphere_outline import local_map, middle_off_px, shape_of
 
 SATURATED = 254
-_SATURATED_RIM_PX = 1
 _LEAST_EXPLAINED = 0.6
 _LEAST_CONTRAST_SDS = 3.0
 _FITTED_MARGIN = 1.5
@@ -38,13 +37,15 @@ class Sphere(NamedTuple):
 
 
 def detect_spheres(
-    image: np.ndarray, *, radius_px: tuple[float, float], lens: Lens | None = None, radius_m: float | None = None
-) -> list[Sphere]:
+    image: np.ndarray, *, radius_px: tuple[float, float], lens: Lens | None = None, radius_m: float | None = None,
+    model_share: float = 0.01,
+) -> list[Sphere]:  # fmt: skip
     """Return the spheres in an (H, W, 3) uint8 sRGB image, those of most contrast first; empty if there are none.
 
     `radius_px`: least and most that is looked for. `lens`: to return images of centres rather than middles of outlines,
-    and to fit ellipses of the right shape; `radius_m` of the spheres, for lenses behind a port. ValueError for another
-    kind of image or a range that is none.
+    and to fit ellipses of the right shape; `radius_m` of the spheres, for lenses behind a port. `model_share`: of the
+    radius, standard deviation of a centre by what the model leaves out (shadows of other spheres, rods), added to what
+    follows from the noise. ValueError for another kind of image or a range that is none.
 
     Valid: spheres apart from each other, of one blur; radius from 1.5 px. Noise independent from pixel to pixel: after
     a restoration or in a compressed picture the covariance is too small.
@@ -59,23 +60,27 @@ def detect_spheres(
             f"{min(image.shape[:2])} px"
         )
     grey = linear_from_srgb_uint8(image).mean(axis=-1, dtype=float)
-    usable = ~_widened(np.any(image >= SATURATED, axis=-1))
+    saturated = np.any(image >= SATURATED, axis=-1)
     blobs = candidates(grey, radius_px=radius_px)
     found = []
     for number, blob in enumerate(blobs):
         others = blobs[:number] + blobs[number + 1 :]
-        one = _fitted(grey, usable & ~_covered(grey.shape, others, blob), blob, lens, radius_m)
+        one = _fitted(grey, saturated, others, blob, lens, radius_m)
         if one is not None and least / _FITTED_MARGIN <= one.radius_px <= _FITTED_MARGIN * most:
-            found.append(one)
+            by_model = (model_share * one.radius_px) ** 2 * np.eye(2)
+            found.append(one._replace(covariance_px2=one.covariance_px2 + by_model))
     return _different(sorted(found, key=lambda one: -one.contrast))
 
 
-def _fitted(grey, usable, blob: Candidate, lens: Lens | None, radius_m: float | None) -> Sphere | None:
+def _fitted(
+    grey, saturated, others: list[Candidate], blob: Candidate, lens: Lens | None, radius_m: float | None
+) -> Sphere | None:
     slope = None if lens is None else local_map(lens, blob.centre_px)
     if lens is not None and slope is None:
         return None
     shape = np.eye(2) if slope is None else shape_of(slope)
-    fit = fit_sphere(grey, usable, centre_px=blob.centre_px, radius_px=blob.radius_px, shape=shape)
+    usable = ~_covered(grey.shape, others, blob)
+    fit = fit_sphere(grey, usable, saturated, centre_px=blob.centre_px, radius_px=blob.radius_px, shape=shape)
     if fit is None or fit.explained < _LEAST_EXPLAINED or fit.contrast <= 0:
         return None
     # a centre that is not known to its own radius is none
@@ -85,14 +90,6 @@ def _fitted(grey, usable, blob: Candidate, lens: Lens | None, radius_m: float | 
     if not np.all(np.isfinite(off)):
         return None
     return Sphere(fit.centre_px - off, fit.covariance_px2, fit.radius_px, fit.contrast)
-
-
-def _widened(mask: np.ndarray) -> np.ndarray:
-    """Return a mask with the pixels next to it."""
-    import cv2
-
-    size = 2 * _SATURATED_RIM_PX + 1
-    return cv2.dilate(mask.astype(np.uint8), np.ones((size, size), np.uint8)).astype(bool)
 
 
 def _covered(shape: tuple[int, int], others: list[Candidate], blob: Candidate) -> np.ndarray:
