@@ -8,6 +8,7 @@ from uwsim.bench.blur.strata import by_group
 from uwsim.bench.kept import Scores
 from uwsim.bench.markers import camera_from_body
 from uwsim.bench.task import frame_of_case
+from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
 
 SHOWN = {
@@ -19,7 +20,7 @@ SHOWN = {
 def conditions(dataset: Dataset, cases: list[str]) -> dict[str, dict]:
     """Return what each case was like: group, kind of marks, water, place [mm], tilt [deg], port, blur [px].
 
-    Place: of the body's origin in the camera's frame, along the axis and from it. Tilt: between the body's z and the
+    Blur: of the body, which is not that of what lies behind it. Place: of the body's origin in the camera's frame, along the axis and from it. Tilt: between the body's z and the
     direction against the camera's.
     """
     return {name: _conditions(dataset, name) for name in cases}
@@ -38,8 +39,16 @@ def _conditions(dataset: Dataset, name: str) -> dict:
         "distance_mm": round(1e3 * float(pose[2, 3])), "off_axis_mm": round(1e3 * float(np.hypot(*pose[:2, 3]))),
         "tilt_deg": round(float(np.degrees(np.arccos(np.clip(-pose[2, 2], -1, 1)))), 1),
         "port": "none" if port is None else _port_text(port),
-        "blur_px": 0.0 if info.blur is None else round(info.blur.length_px, 1),
+        "blur_px": 0.0 if info.blur is None else round(_blur_px(frame, body), 1),
     }  # fmt: skip
+
+
+def _blur_px(frame: Frame, body: str) -> float:
+    """Return the median length of the motion of what is seen of a body during the exposure; NaN where nothing is."""
+    instance = next(one.instance for one in frame.info.bodies if one.name == body)
+    seen = frame.buffer("instance").squeeze() == instance
+    moved = (frame.buffer("flow_end") - frame.buffer("flow_start"))[seen]
+    return float(np.median(np.linalg.norm(moved.astype(float), axis=-1))) if len(moved) else np.nan
 
 
 def _port_text(port) -> str:

@@ -61,12 +61,12 @@ def fit_sphere(
     of `radius_px` times it. Noise is taken as independent from pixel to pixel; what its variance is made of
     (`_weights`) is found from the residuals.
 
-    Source: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (variable projection); Dempster and others, J. R. Stat.
-    Soc. B 39(1), 1977 (pixels known to be brighter, filled in); the picture is this project's.
+    Source: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (variable projection); the picture is this project's.
     """
     window = _cut(grey, usable, centre_px, radius_px, np.linalg.inv(shape))
     high = _cut(saturated, usable, centre_px, radius_px, window.back).values > 0
-    least = window.values
+    fair = window.weights
+    window = window._replace(weights=np.where(high, 0.0, fair))
     unknowns = np.array([*centre_px, np.log(radius_px), np.log(max(0.2 * radius_px, 0.6)), 0.0, 0.0])
     noise = 1.0
     for _ in range(_ROUNDS):
@@ -77,7 +77,8 @@ def fit_sphere(
         if unknowns is None:
             return None
         model = _model(window, unknowns)[0]
-        window = window._replace(values=np.where(high, np.maximum(least, model), least))
+        # saturated pixels that the model has brighter agree with it
+        window = window._replace(weights=np.where(high & (model >= window.values), 0.0, fair))
         window = window._replace(weights=_weights(window, model))
     return _described(window, unknowns)
 
