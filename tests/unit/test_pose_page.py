@@ -1,4 +1,4 @@
-"""The page of the pose benchmark on pictures: its numbers are those of the records, its printed ones the dissertation's."""
+"""The page of poses from pictures: its numbers are those of the records, its printed ones the dissertation's."""
 
 import dataclasses
 
@@ -41,7 +41,9 @@ def study(change=lambda case, method, metric, value: value):
             for metric in pose.STATISTICS:
                 value = 100.0 if metric.endswith("percent") and "error" not in metric else 0.01 * (place + 1)
                 value = change(case, method, metric, value)
-                records.append(Record(case, method, (), metric, value, METRICS[metric].unit, METRICS[metric].better, ""))
+                records.append(
+                    Record(case, method, (), metric, value, METRICS[metric].unit, METRICS[metric].better, "")
+                )
     origin = {
         "definition": {"task": "pose", "do_nothing": "frontal", "oracle": "oracle_corners"}, "cases": len(CONDITIONS),
         "dataset": {"name": "made", "seed": 1, "sha256": "0"}, "quick": False, "conditions": CONDITIONS,

@@ -15,7 +15,7 @@ K = np.array([[468.0, 0, 240], [0, 468.0, 180], [0, 0, 1]])
 
 
 def disc(centre, radius_px, light, *, side_px=SIDE_PX, blur_px=0.7, samples=8):
-    """Return the picture (side, side) of a matt ball of a far lamp in direction `light`; (0, 0, 0): it shines itself."""
+    """Return the picture (side, side) of a matt ball of a far lamp in direction `light`; (0, 0, 0): it shines."""
     import cv2
 
     fine = (np.arange(side_px * samples) + 0.5) / samples

@@ -27,10 +27,12 @@ class Variant(BaseModel):
     )
     restored_by: Annotated[Name | None, Field(description="restoration that pictures pass before detection")] = None
     deblurred_by: Annotated[
-        Name | None, Field(description="deconvolver that pictures pass before detection and restoration, with blur_from")
+        Name | None,
+        Field(description="deconvolver that pictures pass before, with blur_from"),
     ] = None
     labels: Annotated[
-        Literal["truth", "search"], Field(description="how spheres are told apart: by their true places, or by a search")
+        Literal["truth", "search"],
+        Field(description="how spheres are told apart: true places, or a search"),
     ] = "truth"
 
 

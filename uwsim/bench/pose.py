@@ -14,8 +14,8 @@ behind a port, whose rays do not meet in one centre; a method for ports asks for
 A case is a body with at least one marker whose corners are all visible, or with four visible spheres ("000003/board"
 where a frame shows several such bodies, else "000003"). A solver gets the corners of the detected markers or the
 centres of the spheres, in the picture as it is or, in a variant, deblurred or restored, and told apart as
-`uwsim.bench.pose_views` says; a solver that is given true places gets the visible ones of all instead, so what it scores
-does not depend on detection. `detected_percent` counts the cases with a pose; the errors are over those.
+`uwsim.bench.pose_views` says; a solver that is given true places gets the visible ones of all instead, so what it
+scores does not depend on detection. `detected_percent` counts the cases with a pose; the errors are over those.
 """
 
 import math
@@ -56,7 +56,9 @@ def case_names(dataset: Dataset) -> list[str]:
         bodies = bodies_in_view(frame.info)
         names += [frame.name] if len(bodies) == 1 else [f"{frame.name}/{body}" for body in bodies]
     if not names:
-        raise ValueError(f"{dataset.folder}: pose needs a frame with a visible marker or four spheres, the dataset has none")
+        raise ValueError(
+            f"{dataset.folder}: pose needs a frame with a visible marker or four spheres, the dataset has none"
+        )
     return names
 
 

@@ -20,8 +20,8 @@ SHOWN = {
 def conditions(dataset: Dataset, cases: list[str]) -> dict[str, dict]:
     """Return what each case was like: group, kind of marks, water, place [mm], tilt [deg], port, blur [px].
 
-    Blur: of the body, which is not that of what lies behind it. Place: of the body's origin in the camera's frame, along the axis and from it. Tilt: between the body's z and the
-    direction against the camera's.
+    Blur: of the body, which is not that of what lies behind it. Place: of the body's origin in the camera's frame,
+    along the axis and from it. Tilt: between the body's z and the direction against the camera's.
     """
     return {name: _conditions(dataset, name) for name in cases}
 

@@ -1,8 +1,8 @@
 """What the benchmark of poses sees of a body: corners of markers, or spheres, found in its picture or in a mended one.
 
-Spheres bear no name. They are told apart by the place where each is in truth (`labels="truth"`: pairs of least distance,
-up to a radius), as markers were by hand in the dissertation; or by `uwsim.pose.correspondence.search` with nothing of the
-truth (`labels="search"`). A body that turns into itself is found by that only up to these turns, of which no picture
+Spheres bear no name. They are told apart by the place where each is in truth (`labels="truth"`: pairs of least
+distance, up to a radius), as markers were by hand in the dissertation; or by `uwsim.pose.correspondence.search` with
+nothing of the truth (`labels="search"`). A body that turns into itself is found by that only up to these turns, of which no picture
 tells one from another: the one nearest to the truth is taken.
 """
 
@@ -153,10 +153,8 @@ class View:
         seen_px = np.reshape([one.centre_px for one in found], (-1, 2))
         within = max([_WITHIN_PX, *(one.radius_px for one in found)])
         by_place = nearest(true_px, seen_px, within=within)
-        if how.labels == "search":
-            match = self._searched(body_m, true_px, seen_px, focal_px)
-        else:
-            match = by_place
+        searched = how.labels == "search"
+        match = self._searched(body_m, true_px, seen_px, focal_px) if searched else by_place
         named = set(zip(by_place.body.tolist(), by_place.seen.tolist(), strict=True))
         pairs = list(zip(match.body.tolist(), match.seen.tolist(), strict=True))
         right = 100.0 * sum(pair in named for pair in pairs) / len(pairs) if pairs else np.nan

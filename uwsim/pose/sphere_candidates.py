@@ -59,7 +59,7 @@ def candidates(grey: np.ndarray, *, radius_px: tuple[float, float]) -> list[Cand
     cube = np.ones((3, 3), np.uint8)
     peaks = np.stack([cv2.dilate(one, cube) for one in responses])
     # of the scales next to it, too
-    around = np.maximum.reduce([peaks, np.concatenate([peaks[1:], peaks[-1:]]), np.concatenate([peaks[:1], peaks[:-1]])])
+    around = np.maximum.reduce([peaks, np.roll(peaks, 1, axis=0), np.roll(peaks, -1, axis=0)])
     limit = np.maximum(_NOISE_LEVELS * noise, _LEAST_SHARE * responses.max())
     strong = (responses >= around) & (responses > limit[:, None, None])
     strong[0] = strong[-1] = False

@@ -78,15 +78,15 @@ has the focal length that the port and the water make of it on the axis; `port r
 
 _NAMES = """Spheres have no names. **By true places**: each detection belongs to the sphere whose true image is nearest,
 within its own radius; the dissertation's markers were told apart by hand. This is what all the other tables use. **By a
-search**: poses from triples of points, nothing of the truth; but a bipyramid turns into itself in 24 ways, a square in 8,
-a pyramid in 4, the stereo layout in 2, and no picture tells these apart: there the one nearest to the truth is taken.
-Ten random points have no such turn, and nothing is taken from the truth."""
+search**: poses from triples of points, nothing of the truth; but a bipyramid turns into itself in 24 ways, a square in
+8, a pyramid in 4, the stereo layout in 2, and no picture tells these apart: there the one nearest to the truth is
+taken. Ten random points have no such turn, and nothing is taken from the truth."""
 
-_METHOD = """- Spheres: blobs in scale space, then a lit ball fitted to the pixels in linear light (`uwsim/pose/spheres.py`);
-  the image of its centre, not the middle of its outline. Markers: ArUco and AprilTag, corners where lines fitted to the
+_METHOD = """- Spheres: blobs in scale space, then a lit ball fitted to pixels in linear light (`uwsim/pose/spheres.py`); the image
+  of its centre, not the middle of its outline. Markers: ArUco and AprilTag, corners where lines fitted to the
   four edges meet.
 - Covariances: of centres from the fit's residuals and 1 % of the radius for what the model leaves out, of corners from
-  the scatter of the edges' places; `port refined` weights by them. In restored and deblurred pictures noise is no longer
-  independent from pixel to pixel, and they are too small.
+  the scatter of the edges' places; `port refined` weights by them. In restored and deblurred pictures noise is no
+  longer independent from pixel to pixel, and they are too small.
 - Errors: angle of the rotation between pose and truth; distance of the translations over the true one.
 - Errors are of the cases with a pose, whose share stands beside them: compare methods where that is alike."""

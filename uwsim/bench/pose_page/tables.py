@@ -26,7 +26,8 @@ from uwsim.bench.study import title
 
 OWN = (BEST, REFINED, IGNORING)
 _COLUMNS = {
-    "detected_percent": "poses [%]", "points_found_percent": "points found [%]", "corner_error_px": "points off by [px]",
+    "detected_percent": "poses [%]", "points_found_percent": "points found [%]",
+    "corner_error_px": "points off by [px]",
     "points_covered_percent": "in their 90 % ellipse [%]", ROTATION: "rotation [deg]", TRANSLATION: "translation [%]",
 }  # fmt: skip
 
