@@ -2,8 +2,8 @@
 
 Spheres bear no name. They are told apart by the place where each is in truth (`labels="truth"`: pairs of least
 distance, up to a radius), as markers were by hand in the dissertation; or by `uwsim.pose.correspondence.search` with
-nothing of the truth (`labels="search"`). A body that turns into itself is found by that only up to these turns, of which no picture
-tells one from another: the one nearest to the truth is taken.
+nothing of the truth (`labels="search"`). A body that turns into itself is found by that only up to these turns, of
+which no picture tells one from another: the one nearest to the truth is taken.
 """
 
 from dataclasses import dataclass, field

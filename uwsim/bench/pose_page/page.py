@@ -82,8 +82,8 @@ search**: poses from triples of points, nothing of the truth; but a bipyramid tu
 8, a pyramid in 4, the stereo layout in 2, and no picture tells these apart: there the one nearest to the truth is
 taken. Ten random points have no such turn, and nothing is taken from the truth."""
 
-_METHOD = """- Spheres: blobs in scale space, then a lit ball fitted to pixels in linear light (`uwsim/pose/spheres.py`); the image
-  of its centre, not the middle of its outline. Markers: ArUco and AprilTag, corners where lines fitted to the
+_METHOD = """- Spheres: blobs in scale space, then a lit ball fitted to pixels in linear light
+  (`uwsim/pose/spheres.py`); the image of its centre, not the middle of its outline. Markers: ArUco and AprilTag, corners where lines fitted to the
   four edges meet.
 - Covariances: of centres from the fit's residuals and 1 % of the radius for what the model leaves out, of corners from
   the scatter of the edges' places; `port refined` weights by them. In restored and deblurred pictures noise is no
