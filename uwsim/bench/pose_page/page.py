@@ -83,8 +83,8 @@ search**: poses from triples of points, nothing of the truth; but a bipyramid tu
 taken. Ten random points have no such turn, and nothing is taken from the truth."""
 
 _METHOD = """- Spheres: blobs in scale space, then a lit ball fitted to pixels in linear light
-  (`uwsim/pose/spheres.py`); the image of its centre, not the middle of its outline. Markers: ArUco and AprilTag, corners where lines fitted to the
-  four edges meet.
+  (`uwsim/pose/spheres.py`); the image of its centre, not the middle of its outline. Markers: ArUco and AprilTag,
+  corners where lines fitted to the four edges meet.
 - Covariances: of centres from the fit's residuals and 1 % of the radius for what the model leaves out, of corners from
   the scatter of the edges' places; `port refined` weights by them. In restored and deblurred pictures noise is no
   longer independent from pixel to pixel, and they are too small.
