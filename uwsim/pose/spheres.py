@@ -22,6 +22,9 @@ _LEAST_CONTRAST_SDS = 3.0
 _FITTED_MARGIN = 1.5
 _OTHERS_RADII, _OTHERS_PX = 1.15, 1.0
 _SAME = 0.7
+_ROUND_EXPLAINED = 0.99
+"""A fit that explains less is tried again with the outline that the blob's second moments have: a streak's."""
+_STREAK_RADII = 2.0
 
 
 class Sphere(NamedTuple):
@@ -81,6 +84,12 @@ def _fitted(
     shape = np.eye(2) if slope is None else shape_of(slope)
     usable = ~_covered(grey.shape, others, blob)
     fit = fit_sphere(grey, usable, saturated, centre_px=blob.centre_px, radius_px=blob.radius_px, shape=shape)
+    if fit is None or fit.explained < _ROUND_EXPLAINED:
+        streak = _streak_shape(grey, usable, blob)
+        other = None if streak is None else fit_sphere(
+            grey, usable, saturated, centre_px=blob.centre_px, radius_px=blob.radius_px, shape=streak
+        )  # fmt: skip
+        fit = max((one for one in (fit, other) if one is not None), key=lambda one: one.explained, default=None)
     if fit is None or fit.explained < _LEAST_EXPLAINED or fit.contrast <= 0:
         return None
     # a centre that is not known to its own radius is none
@@ -90,6 +99,31 @@ def _fitted(
     if not np.all(np.isfinite(off)):
         return None
     return Sphere(fit.centre_px - off, fit.covariance_px2, fit.radius_px, fit.contrast)
+
+
+def _streak_shape(grey: np.ndarray, usable: np.ndarray, blob: Candidate) -> np.ndarray | None:
+    """Return the shape (2, 2), of determinant 1, of the ellipse with a blob's second moments; None where it has none.
+
+    A ball that moves during the exposure is drawn out along its way, symmetrically about its place in the middle of it:
+    taken for round it would be a ball lit from one side, and its centre off.
+    """
+    reach = _STREAK_RADII * blob.radius_px
+    low = np.maximum(np.floor(blob.centre_px - reach).astype(int), 0)
+    high = np.ceil(blob.centre_px + reach).astype(int)
+    part = np.s_[low[1] : high[1], low[0] : high[0]]
+    rows, columns = np.mgrid[: grey.shape[0], : grey.shape[1]][:, *part] + 0.5
+    values = np.where(usable[part], grey[part] - np.median(grey[part]), 0.0)
+    light = np.where(values > 0.2 * max(values.max(), 0), values, 0.0)
+    if not light.sum() > 0:
+        return None
+    aside = np.stack([columns, rows], axis=-1) - [
+        (light * columns).sum() / light.sum(), (light * rows).sum() / light.sum()
+    ]  # fmt: skip
+    moments = np.einsum("ij,ijk,ijl->kl", light, aside, aside) / light.sum()
+    values, vectors = np.linalg.eigh(moments)
+    if not values[0] > 0:
+        return None
+    return (vectors * np.sqrt(values / np.sqrt(values.prod()))) @ vectors.T
 
 
 def _covered(shape: tuple[int, int], others: list[Candidate], blob: Candidate) -> np.ndarray:
