@@ -22,8 +22,8 @@ _LEAST_CONTRAST_SDS = 3.0
 _FITTED_MARGIN = 1.5
 _OTHERS_RADII, _OTHERS_PX = 1.15, 1.0
 _SAME = 0.7
-_ROUND_EXPLAINED = 0.99
-"""A fit that explains less is tried again with the outline that the blob's second moments have: a streak's."""
+_ELONGATED = 1.1
+"""A blob so much longer than wide is fitted with the outline that its second moments have, too: a streak's."""
 _STREAK_RADII = 2.0
 
 
@@ -84,9 +84,9 @@ def _fitted(
     shape = np.eye(2) if slope is None else shape_of(slope)
     usable = ~_covered(grey.shape, others, blob)
     fit = fit_sphere(grey, usable, saturated, centre_px=blob.centre_px, radius_px=blob.radius_px, shape=shape)
-    if fit is None or fit.explained < _ROUND_EXPLAINED:
-        streak = _streak_shape(grey, usable, blob)
-        other = None if streak is None else fit_sphere(
+    streak = _streak_shape(grey, usable, blob)
+    if streak is not None and np.linalg.cond(streak) > _ELONGATED * np.linalg.cond(shape):
+        other = fit_sphere(
             grey, usable, saturated, centre_px=blob.centre_px, radius_px=blob.radius_px, shape=streak
         )  # fmt: skip
         fit = max((one for one in (fit, other) if one is not None), key=lambda one: one.explained, default=None)

@@ -20,9 +20,9 @@ def draw(study: PictureStudy, folder: Path) -> bool:
     steps = study.steps("distance_mm", cases)
     figure, (panels,) = new_figure(1, 2, width=5.2, height=3.6)
     for panel, metric, words in zip(panels, ERRORS, _WORDS, strict=True):
-        for method in study.shown(IGNORING, PRINTED, "opnp", BEST, REFINED, study.oracle or ""):
+        for method in study.shown(IGNORING, PRINTED, "opnp", BEST, REFINED):
             heights = [study.mean(method, metric, study.cases(group=TABLES, distance_mm=far)) for far in steps]
-            line = "k-" if method == study.oracle else "o-" if method == REFINED else ".--"
+            line = "o-" if method == REFINED else ".--"
             panel.plot(steps, np.array(heights), line, label=title(method), linewidth=1.2, markersize=4)
         panel.set(xlabel="distance [mm]", ylabel=words, yscale="log")
         panel.grid(color="0.9")
