@@ -213,6 +213,7 @@ def page_of(name: str, task: str, *, algorithms: list[str] | None):
     """Return the module whose `write` makes the page of a benchmark; ValueError unless there is one for such a run."""
     from uwsim.bench.blur_page import page as of_blur
     from uwsim.bench.pnp_page import page as of_pnp
+    from uwsim.bench.pose_page import page as of_pose
     from uwsim.bench.restoration_page import page as of_restoration
     from uwsim.bench.validity import page as of_validity
 
@@ -222,6 +223,8 @@ def page_of(name: str, task: str, *, algorithms: list[str] | None):
         return of_blur
     if task in of_pnp.TASKS:
         return of_pnp
+    if task in of_pose.TASKS:
+        return of_pose
     of_validity.check(name, algorithms=algorithms)
     return of_validity
 

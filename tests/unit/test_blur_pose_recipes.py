@@ -64,3 +64,24 @@ def test_the_other_pose_sets_can_be_drawn(name):
         drawn = draw(recipe, frame, where=where)
         assert drawn.scene.rig.camera.width_px == 640
         assert ("rig" in drawn.moment) == name.startswith("stereo")
+
+
+def test_the_benchmark_of_poses_has_the_tables_rows():
+    """Expected: 13 places, each in the same six orientations of the ninety, places as in the full set; each other
+    group can be drawn."""
+    recipe, where = load_recipe("pose_bench")
+    frames = frames_of(recipe, "bipyramid")
+    assert len(frames) == 13 * 6
+    rows = [(far, aside) for far, asides in TABLE_ROWS_MM.items() for aside in asides]
+    full = {tuple(value) for value in load_recipe("pose_tank")[0].group[0].grid[1].set["bodies.markers.rotation_deg"]}
+    assert {tuple(value) for value in recipe.group[0].grid[1].set["bodies.markers.rotation_deg"]} < full
+    for number in (0, 7, 40, 77):
+        scene = draw(recipe, frames[number], where=where).scene
+        camera_from_body = pose.inverse(scene.rig.world_from_rig) @ scene.bodies[0].world_from_body
+        far, aside = rows[number // 6]
+        assert 1e3 * camera_from_body[:3, 3] == pytest.approx((aside, 0.0, far), abs=1e-6)
+    gaps_m = {}
+    for group in recipe.group[1:]:
+        scene = draw(recipe, frames_of(recipe, group.name)[-1], where=where).scene
+        gaps_m[group.name] = scene.lens.port.gap_m if scene.lens.port else None
+    assert gaps_m["thick_port"] > gaps_m["bipyramid_turbid"] > 0 and gaps_m["apriltag"] is None

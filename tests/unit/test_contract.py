@@ -101,6 +101,7 @@ def pose_inputs(target_m):
     poses[:, :3, :3], poses[:, :3, 3] = turns, [[0.1, 0.05, 1.0], [-0.1, 0.0, 1.5]]
     known = {"true_points": points.copy(), "pixels": pixels, "true_pixels": pixels.copy(), "lens": LENS}
     known["true_pose"] = poses
+    known["covariance_px2"] = np.tile(0.04 * np.eye(2), (*points.shape[:2], 1, 1))
     return np.tile(target_m, (2, 1, 1)), points, known
 
 

@@ -25,6 +25,15 @@ class Variant(BaseModel):
     blur_from: Annotated[Name | None, Field(description="estimator whose blur it is given; left out: the true one")] = (
         None
     )
+    restored_by: Annotated[Name | None, Field(description="restoration that pictures pass before detection")] = None
+    deblurred_by: Annotated[
+        Name | None,
+        Field(description="deconvolver that pictures pass before, with blur_from"),
+    ] = None
+    labels: Annotated[
+        Literal["truth", "search"],
+        Field(description="how spheres are told apart: true places, or a search"),
+    ] = "truth"
 
 
 class Definition(BaseModel):
@@ -69,8 +78,12 @@ class Definition(BaseModel):
     @model_validator(mode="after")
     def _variants_agree(self):
         for name, variant in self.variants.items():
-            if self.task != "deconvolution" and variant.blur_from is not None:
-                raise ValueError(f"variants: {name} has blur_from, allowed: with task deconvolution")
+            if self.task != "pose" and (variant.restored_by or variant.deblurred_by or variant.labels != "truth"):
+                raise ValueError(f"variants: {name} has restored_by, deblurred_by or labels, allowed: with task pose")
+            if self.task == "pose" and (variant.deblurred_by is None) != (variant.blur_from is None):
+                raise ValueError(f"variants: {name}: deblurred_by and blur_from belong together with task pose")
+            if self.task not in ("deconvolution", "pose") and variant.blur_from is not None:
+                raise ValueError(f"variants: {name} has blur_from, allowed: with tasks deconvolution and pose")
             if self.task != "validity" and variant.fitted:
                 raise ValueError(f"variants: {name} is fitted, allowed: with task validity")
             if self.algorithms is not None and name not in self.algorithms:

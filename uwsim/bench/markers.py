@@ -6,7 +6,7 @@ import numpy as np
 
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.info import FrameInfo, Marker
-from uwsim.pose.detect import detect_markers
+from uwsim.pose.detect import detect_markers, marker_covariances
 
 
 def whole_markers(info: FrameInfo) -> list[Marker]:
@@ -24,6 +24,18 @@ def found_markers(image: np.ndarray, markers: Iterable[Marker]) -> dict[tuple[st
         for identity, corners in detect_markers(image, dictionary).items():
             found[dictionary, identity] = corners
     return found
+
+
+def corner_covariances(
+    image: np.ndarray, found: dict[tuple[str, int], np.ndarray]
+) -> dict[tuple[str, int], np.ndarray]:
+    """Return {(dictionary, id): covariances (4, 2, 2) [px^2]} of `found_markers`; NaN where an edge has no line."""
+    covariances = {}
+    for dictionary in sorted({dictionary for dictionary, _ in found}):
+        of_this = {identity: corners for (other, identity), corners in found.items() if other == dictionary}
+        for identity, one in marker_covariances(image, dictionary, of_this).items():
+            covariances[dictionary, identity] = one
+    return covariances
 
 
 def camera_from_body(frame: Frame, name: str) -> np.ndarray:

@@ -216,6 +216,7 @@ def _varied(module: ModuleType, function: str, variant: Variant) -> ModuleType:
     made.__dict__.update(vars(module))
     setattr(made, function, partial(getattr(module, function), **variant.keywords))
     made.FITTED, made.BLUR_FROM = variant.fitted, variant.blur_from
+    made.RESTORED_BY, made.DEBLURRED_BY, made.LABELS = variant.restored_by, variant.deblurred_by, variant.labels
     return made
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from uwsim.images import linear_from_srgb_uint8
-from uwsim.pose.edges import refine_corners
+from uwsim.pose.edges import corner_covariances, refine_corners
 
 
 def detect_markers(image: np.ndarray, dictionary_name: str) -> dict[int, np.ndarray]:
@@ -33,6 +33,18 @@ def detect_markers(image: np.ndarray, dictionary_name: str) -> dict[int, np.ndar
         for identity, corners in sorted(found, key=lambda pair: pair[0])
         if identities.count(identity) == 1
     }
+
+
+def marker_covariances(image: np.ndarray, dictionary_name: str, found: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Return {marker id: covariances (4, 2, 2) [px^2]} of corners that `detect_markers` found in an image.
+
+    NaN where the corners are OpenCV's, not refined along the edges.
+    """
+    import cv2
+
+    modules = dictionary(dictionary_name).markerSize + 2
+    linear = linear_from_srgb_uint8(cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)).astype(np.float64)
+    return {identity: corner_covariances(linear, corners, modules=modules) for identity, corners in found.items()}
 
 
 def opencv_markers(grey: np.ndarray, dictionary_name: str) -> list[tuple[int, np.ndarray]]:

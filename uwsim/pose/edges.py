@@ -4,6 +4,8 @@ OpenCV's own refinement sees only the surroundings of each corner, where blur ro
 by 0.2 to 0.4 px on exact pictures. Along the edges blur is symmetric.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 ITERATIONS = 4
@@ -13,6 +15,8 @@ _STEP_ALONG_PX, _STEP_ACROSS_PX = 0.5, 0.25
 _HALF_WIDTH_PX = (1.5, 4.0)
 _HALF_WIDTH_MODULES = 0.6
 _OUTLIER_MADS = 4.0
+# of places on a noise-free picture: interpolation
+_LEAST_VARIANCE_PX2 = 1e-4
 
 
 def refine_corners(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) -> np.ndarray:
@@ -40,8 +44,65 @@ def refine_corners(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) ->
     return current
 
 
+def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) -> np.ndarray:
+    """Return covariances (4, 2, 2) [px^2] of corners as `refine_corners` gives them; NaN where an edge has no line.
+
+    From the scatter of each edge's places about its line, carried on to where it meets the next. Places are half a
+    pixel apart and so only half as many are independent. Valid: noise independent from pixel to pixel.
+    """
+    corners = np.asarray(corners_px, dtype=float)
+    module_px = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min() / modules
+    half_width_px = float(np.clip(_HALF_WIDTH_MODULES * module_px, *_HALF_WIDTH_PX))
+    edges = [_edge_places(grey, corners[i], corners[(i + 1) % 4], half_width_px) for i in range(4)]
+    found = np.full((4, 2, 2), np.nan)
+    for corner in range(4):
+        before, after = edges[corner - 1], edges[corner]
+        if before is None or after is None:
+            continue
+        # dx = N^-1 (e, f): errors of the two lines, across them, at the corner
+        back = np.array([before.outward, after.outward])
+        if abs(np.linalg.det(back)) < 1e-6:
+            continue
+        inverse = np.linalg.inv(back)
+        found[corner] = inverse @ np.diag([before.variance_at(before.length), after.variance_at(0.0)]) @ inverse.T
+    return found
+
+
+class _Edge(NamedTuple):
+    """Places found along an edge: distances (n,), offsets (n,), weights (n,); its length and directions (2,)."""
+
+    distances: np.ndarray
+    offsets: np.ndarray
+    weights: np.ndarray
+    length: float
+    along: np.ndarray
+    outward: np.ndarray
+
+    def variance_at(self, distance: float) -> float:
+        """Return the variance of the line's offset at a distance along the edge. [px^2]"""
+        slope, offset = _weighted_line(self.distances, self.offsets, self.weights)
+        shares = self.weights / self.weights.sum()
+        middle = shares @ self.distances
+        spread = shares @ (self.distances - middle) ** 2
+        squares = shares @ (self.offsets - slope * self.distances - offset) ** 2
+        independent = _STEP_ALONG_PX / (shares @ shares)
+        if not (independent > 2 and spread > 0):
+            return np.nan
+        lever = 1 + (distance - middle) ** 2 / spread
+        return float(max(squares, _LEAST_VARIANCE_PX2) * lever / (independent - 2))
+
+
 def _edge_line(grey, first, second, half_width_px: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Return (point, direction) of the edge near the segment, dark on its right; None if there is none."""
+    edge = _edge_places(grey, first, second, half_width_px)
+    if edge is None:
+        return None
+    slope, offset = _weighted_line(edge.distances, edge.offsets, edge.weights)
+    return first + offset * edge.outward, edge.along + slope * edge.outward
+
+
+def _edge_places(grey, first, second, half_width_px: float) -> _Edge | None:
+    """Return where the edge near the segment is, dark on its right; None if there is none."""
     length = np.linalg.norm(second - first)
     if not length > 4 * _STEP_ALONG_PX:
         return None
@@ -61,8 +122,7 @@ def _edge_line(grey, first, second, half_width_px: float) -> tuple[np.ndarray, n
     slope, offset = _weighted_line(distances, offsets, strength)
     residuals = np.abs(offsets - slope * distances - offset)
     kept = residuals <= _OUTLIER_MADS * np.median(residuals[strength > 0]) + 1e-9
-    slope, offset = _weighted_line(distances, offsets, strength * kept)
-    return first + offset * outward, along + slope * outward
+    return _Edge(distances, offsets, strength * kept, float(length), along, outward)
 
 
 def _weighted_line(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> tuple[float, float]:

@@ -10,24 +10,69 @@ _TOLERANCE = 1e-14
 _UNSEEN_PX = 1e4  # stands for the error of a point that a pose takes out of the lens's sight
 
 
-def refine(start: Solution, points_m: np.ndarray, pixels: np.ndarray, *, lens: Lens) -> Solution:
+def refine(
+    start: Solution, points_m: np.ndarray, pixels: np.ndarray, *, lens: Lens, covariance_px2: np.ndarray | None = None
+) -> Solution:
     """Return camera_from_target that projects points (B, n, 3) [m] nearest to `pixels` (B, n, 2) [px], from `start`.
 
-    Least squares over rotation vector and translation; where `start` has no pose there is none. Exact for exact pixels.
+    Least squares over rotation vector and translation, of errors in pixels, or with `covariance_px2` (B, n, 2, 2) in
+    their standard deviations; where `start` has no pose there is none. Exact for exact pixels. `cost` is the sum of
+    these squares, and `information` (6, 6) belongs to them: `covariance(noise=1.0)` of the solution is that of the
+    pose, given covariances of the points. ValueError for covariances that are not positive definite.
+
     Source: Levenberg-Marquardt as in `scipy.optimize.least_squares`.
     """
+    whitening = _whitening(covariance_px2, pixels.shape)
     rotation, translation_m = start.rotation.copy(), start.translation_m.copy()
+    cost, information = np.full(len(pixels), np.nan), np.full((len(pixels), 6, 6), np.nan)
     for index in np.flatnonzero(start.ok):
-        rotation[index], translation_m[index] = _refined(
-            rotation[index], translation_m[index], points_m[index], pixels[index], lens
+        rotation[index], translation_m[index], cost[index], information[index] = _refined(
+            rotation[index], translation_m[index], points_m[index], pixels[index], lens, whitening[index]
         )
     rotation[~start.ok] = np.nan
-    return accept(rotation, translation_m, points_m)
+    found = accept(rotation, translation_m, points_m)
+    return found._replace(cost=cost, information=information)
+
+
+def least_refined(
+    start: Solution, points_m: np.ndarray, pixels: np.ndarray, *, lens: Lens, covariance_px2: np.ndarray | None = None
+) -> Solution:
+    """Return `refine` from the pose of `start` or, where it has one and that ends lower, from its twin."""
+    first = refine(start, points_m, pixels, lens=lens, covariance_px2=covariance_px2)
+    if start.twin is None:
+        return first
+    has_twin = start.ok & np.all(np.isfinite(start.twin.translation_m), axis=1)
+    rotation = np.where(has_twin[:, None, None], start.twin.rotation, np.eye(3))
+    other = start._replace(rotation=rotation, translation_m=start.twin.translation_m.copy(), ok=has_twin)
+    second = refine(other, points_m, pixels, lens=lens, covariance_px2=covariance_px2)
+    lower = second.ok & ~(first.ok & (first.cost <= second.cost))
+    fields = ("rotation", "translation_m", "ok", "status", "cost", "information")
+    chosen = {
+        name: np.where(lower.reshape(-1, *[1] * (getattr(first, name).ndim - 1)), getattr(second, name),
+                       getattr(first, name))
+        for name in fields
+    }  # fmt: skip
+    return first._replace(**chosen)
+
+
+def _whitening(covariance_px2: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    """Return (B, n, 2, 2) that makes errors [px] to errors in standard deviations, uncorrelated."""
+    if covariance_px2 is None:
+        return np.broadcast_to(np.eye(2), (*shape, 2))
+    covariance_px2 = np.asarray(covariance_px2, float)
+    if covariance_px2.shape != (*shape, 2):
+        raise ValueError(f"refine: covariance_px2 has shape {covariance_px2.shape}, allowed: {(*shape, 2)}")
+    try:
+        return np.linalg.inv(np.linalg.cholesky(covariance_px2))
+    except np.linalg.LinAlgError:
+        raise ValueError("refine: covariance_px2 is not positive definite everywhere, allowed: only such") from None
 
 
 def _refined(
-    rotation: np.ndarray, translation_m: np.ndarray, points_m: np.ndarray, pixels: np.ndarray, lens: Lens
-) -> tuple[np.ndarray, np.ndarray]:
+    rotation: np.ndarray, translation_m: np.ndarray, points_m: np.ndarray, pixels: np.ndarray, lens: Lens,
+    whitening: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:  # fmt: skip
+    """Return rotation, translation [m], cost and information by turn [rad] and shift [m]."""
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
@@ -42,9 +87,11 @@ def _refined(
     def errors(unknowns: np.ndarray) -> np.ndarray:
         turn, shift_m = pose(unknowns)
         seen, status = lens.project(points_m @ turn.T + shift_m)
-        return np.where((status == Status.SEEN)[:, None], seen - pixels, _UNSEEN_PX).ravel()
+        off = np.where((status == Status.SEEN)[:, None], seen - pixels, _UNSEEN_PX)
+        return (whitening @ off[..., None]).ravel()
 
     found = least_squares(
         errors, np.zeros(6), jac="3-point", method="lm", xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE
     )
-    return pose(found.x)
+    unit = np.array([1.0, 1.0, 1.0, *[distance_m] * 3])
+    return *pose(found.x), float(2 * found.cost), found.jac.T @ found.jac / np.outer(unit, unit)
