@@ -20,6 +20,9 @@ REAL_OVER_MODEL_STD = 2.7
 SHORTEST_PX = 1.5
 # nats per informative frequency that a static share and filled zeros explain in a picture that does not move as one
 _NOT_UNIFORM_NATS = 0.03
+# a fit of such a motion that lies further off than this share of its length from a uniform one that sees a blur is one
+# of the texture's lines
+_AGREE_SHARE = 0.25
 # a motion that is not uniform must still show: its length to this share, and more of a blur than of a ridge, the filled
 # zeros' form; lengths at the limit of the search are none
 _SEEN_LENGTH_SHARE = 1 / 30
@@ -97,7 +100,9 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     loose_prior = model.prior(lens_std_px=lens_std_px, uniform=False)
     uniform = candidates(found, power, UNIFORM, prior=prior, **options)
     loose = candidates(found, power, LOOSE, prior=loose_prior, **options)
-    is_uniform = uniform.loss - loose.loss < _NOT_UNIFORM_NATS * loose.informative
+    is_uniform = uniform.loss - loose.loss < _NOT_UNIFORM_NATS * loose.informative or _contradicts(
+        loose.parameters[0, [RIGHT, UP]], uniform.parameters[0, [RIGHT, UP]]
+    )
     starts, prior = (uniform, prior) if is_uniform else (loose, loose_prior)
     fits = [refine(found, power, start, limit_px=limit_px, prior=prior) for start in starts.parameters]
     best = min(fits, key=lambda fit: fit.loss)
@@ -106,6 +111,12 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     if not shows or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < BLUR_NATS:
         made = replace(made, verdict="no blur")
     return made
+
+
+def _contradicts(loose_px: np.ndarray, uniform_px: np.ndarray) -> bool:
+    """Return whether two displacements (2,) are different motions, where the uniform one is a blur."""
+    apart = min(np.linalg.norm(loose_px - uniform_px), np.linalg.norm(loose_px + uniform_px))
+    return np.linalg.norm(uniform_px) >= SHORTEST_PX and apart > _AGREE_SHARE * np.linalg.norm(loose_px)
 
 
 def _shows(made: Found, limit_px: float) -> bool:
