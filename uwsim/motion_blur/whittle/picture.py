@@ -23,6 +23,7 @@ _NOT_UNIFORM_NATS = 0.03
 # a fit of such a motion that lies further off than this share of its length from a uniform one that sees a blur is one
 # of the texture's lines
 _AGREE_SHARE = 0.25
+_SEES_PX = 1.75
 # a motion that is not uniform must still show: its length to this share, and more of a blur than of a ridge, the filled
 # zeros' form; lengths at the limit of the search are none
 _SEEN_LENGTH_SHARE = 1 / 30
@@ -116,7 +117,7 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
 def _contradicts(loose_px: np.ndarray, uniform_px: np.ndarray) -> bool:
     """Return whether two displacements (2,) are different motions, where the uniform one is a blur."""
     apart = min(np.linalg.norm(loose_px - uniform_px), np.linalg.norm(loose_px + uniform_px))
-    return np.linalg.norm(uniform_px) >= SHORTEST_PX and apart > _AGREE_SHARE * np.linalg.norm(loose_px)
+    return np.linalg.norm(uniform_px) >= _SEES_PX and apart > _AGREE_SHARE * np.linalg.norm(loose_px)
 
 
 def _shows(made: Found, limit_px: float) -> bool:
