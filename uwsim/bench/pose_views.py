@@ -13,13 +13,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from uwsim.bench import restoration, runner
-from uwsim.bench.blur.estimates import Refusal, answer, estimated
+from uwsim.bench.blur.estimates import Refusal, estimated
 from uwsim.bench.markers import camera_from_body, corner_covariances, found_markers
 from uwsim.bench.task import Case, lens_of, pinhole_K, pinhole_points
 from uwsim.camera.lens import Lens
 from uwsim.dataset.frame import Frame
 from uwsim.discovery import find
 from uwsim.motion_blur import deconvolvers, estimators
+from uwsim.motion_blur.deconvolution import nothing_to_undo
 from uwsim.pose.correspondence import Match, nearest, search, symmetries
 from uwsim.pose.spheres import detect_spheres
 from uwsim.restoration import algorithms
@@ -181,7 +182,7 @@ def _deblurred(frame: Frame, image: np.ndarray, how: How) -> np.ndarray:
     """Return the picture less the blur that an estimator finds; as it is where that refuses or sees none."""
     case = Case(name=frame.name, image=image, makers={}, truth=None)
     estimate, _ = estimated(find(estimators, how.blur_from), how.blur_from, (), case)
-    if isinstance(estimate, Refusal) or answer(estimate)[0] == 0:
+    if isinstance(estimate, Refusal) or nothing_to_undo(estimate):
         return image
     module, name = find(deconvolvers, how.deblurred_by), how.deblurred_by
     where = f"pose: {name}: frame {frame.name}"
