@@ -9,8 +9,8 @@ own, and the mean of the two is kept. With f the denoiser, T the truth and < > a
 
 Scattered light is smooth, and nearly all of the noise: forward scatter and backscatter on their way to the camera, and
 the part of `direct` that particles sent to the body. That part is denoised as light on the body, divided by its albedo
-(of a moving camera: by the albedo's mean over the exposure), which keeps the texture; what comes to the body unscattered
-is never touched.
+(of a moving camera: by the albedo's mean over the exposure), which keeps the texture; what comes to the body
+unscattered is never touched.
 
 Source: Intel Open Image Denoise (package pyoidn), filter RT, for light on bodies with their normals, which are free of
 noise, as auxiliary picture. The products of independent halves are those of cross-validation (Lehtinen et al. 2018,
@@ -27,7 +27,7 @@ from uwsim.render.accumulate import Accumulator, Sums
 from uwsim.render.stopping import region_means
 
 DENOISED = ("direct", "forward_scatter", "backscatter")
-"""The layers that change: of `direct`, what particles sent to the body, not where bodies move or rows are read in turn."""
+"""The layers that change: of `direct`, what particles sent to the body, unless bodies move or rows are read in turn."""
 
 PACKAGE = "pyoidn"
 # of the quantities of `transport.estimate` with orders: radiance, the layers, then `integrator.ORDERS`

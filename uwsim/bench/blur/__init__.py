@@ -5,9 +5,9 @@ What NEEDS may list:
 
 Truth is the median displacement of the picture during the exposure; the summary "uniform" is over the frames
 in which all of the picture moves alike. A failure is an error above 2 px or 10 degrees, or no estimate, whatever the
-verdict; `refused_percent` are the frames called other than blurred uniformly, `kept_failure_percent` the failures among
-the rest. Beside it: errors over the Cramer-Rao bound (`uwsim.motion_blur.bound`), the error of the field over the pixels (`field`), and
-tables by stratum.
+verdict; `refused_percent` are the frames called other than blurred uniformly, `kept_failure_percent` the failures
+among the rest. Beside it: errors over the Cramer-Rao bound (`uwsim.motion_blur.bound`), the error of the field over the
+pixels (`field`), and tables by stratum.
 """
 
 import math

@@ -71,9 +71,9 @@ def scores(estimate: object, truth: Truth) -> dict[str, float | str]:
     """Return STATISTICS and DETAILS of an estimate of a frame that is blurred.
 
     Length and angle count as they are, whatever the verdict: most methods have none. Beside them `refused_percent`, the
-    share of the frames that are not said to be blurred uniformly, and `kept_failure_percent`, failures among the others.
-    A refusal by ValueError is a failure without errors. Errors over the method's own standard deviations are NaN where
-    it gives none.
+    share of the frames that are not said to be blurred uniformly, and `kept_failure_percent`, the failures among the
+    others. A refusal by ValueError is a failure without errors. Errors over the method's own standard deviations are
+    NaN where it gives none.
     """
     errors = (
         float(blur_metrics.length_error_px(estimate.length_px, truth.length_px)),
