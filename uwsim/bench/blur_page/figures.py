@@ -13,6 +13,8 @@ from uwsim.metrics.blur import MEDIAN_OVER_SD
 LEAST_SHOWN = 1e-3
 """Floor of the logarithmic axes: smaller errors, 0 among them, are drawn there with a mark of their own."""
 _FLOOR_MARK = "v"
+_COLOURS = [f"C{index}" for index in (0, 1, 2, 3, 4, 5, 6, 8, 9)]
+"""Without the grey: that is the yardsticks'."""
 
 
 def errors_over_length(study: Study, path: Path, *, cases: list[str]) -> None:
@@ -113,12 +115,12 @@ def _lines(
         if np.isnan(heights).all():
             continue
         own = method.endswith(OURS) or method == PRINTED
-        yardstick = {study.raw: "--", study.oracle: "-."}.get(method)
-        style = yardstick or ("-" if index < 10 else ":")
-        colour = "0.6" if yardstick else f"C{index % 10}"
+        yardstick, mark = {study.raw: ("--", "x"), study.oracle: ("-.", "+")}.get(method, (None, "o" if own else "."))
+        style = yardstick or ("-" if index < len(_COLOURS) else ":")
+        colour = "0.5" if yardstick else _COLOURS[index % len(_COLOURS)]
         panel.plot(
             steps, heights if floor is None else np.maximum(heights, floor), label=title(method), color=colour,
-            linestyle=style if joined else "", linewidth=2.4 if own else 1.2, marker="o" if own else ".",
+            linestyle=style if joined else "", linewidth=2.4 if own else 1.2, marker=mark,
         )  # fmt: skip
         if floor is not None and (low := heights < floor).any():
             below = True
