@@ -348,5 +348,5 @@ def test_stand_ins_take_part_and_are_the_nearest():
 
 def test_the_command_line_knows_the_page():
     assert all(commands.page_of("any", task, algorithms=["x"]) is page for task in page.TASKS)
-    with pytest.raises(ValueError, match="--out: got pose"):
-        commands.page_of("pose", "pose", algorithms=None)
+    with pytest.raises(ValueError, match="--out: got another"):
+        commands.page_of("another", "another", algorithms=None)
