@@ -241,7 +241,7 @@ def test_without_an_estimate_there_is_no_score_but_a_reason(definition, monkeypa
     assert values(result, "psnr", LONG)["wiener"] > 20
 
 
-def test_only_deconvolution_takes_blur_from_an_estimator(tmp_path):
+def test_only_deconvolution_and_pose_take_blur_from_an_estimator(tmp_path):
     from uwsim.bench.definition import read_definition
 
     path = tmp_path / "mine.toml"
@@ -249,7 +249,7 @@ def test_only_deconvolution_takes_blur_from_an_estimator(tmp_path):
         'task = "blur"\ndescription = "x"\ndataset = "tiny"\ndo_nothing = "none"\nquick_cases = 1\n[variants]\n'
         'other = { algorithm = "none", blur_from = "whittle" }\n'
     )
-    with pytest.raises(ValueError, match="other has blur_from, allowed: with task deconvolution"):
+    with pytest.raises(ValueError, match="other has blur_from, allowed: with tasks deconvolution and pose"):
         read_definition(str(path))
 
 

@@ -265,8 +265,8 @@ def test_pictures_have_the_same_bytes_each_time(folder, dataset, result, tmp_pat
 def test_one_mechanism_finds_the_page_of_a_benchmark():
     assert commands.page_of("restoration", "restoration", algorithms=["clahe"]) is page
     assert commands.page_of("validity", "validity", algorithms=None) is validity_page
-    with pytest.raises(ValueError, match="--out: got pose, allowed: .*restoration"):
-        commands.page_of("pose", "pose", algorithms=None)
+    with pytest.raises(ValueError, match="--out: got another, allowed: .*restoration"):
+        commands.page_of("another", "another", algorithms=None)
 
 
 def test_rows_of_the_ablation_differ_in_what_they_do(dataset):
