@@ -82,9 +82,9 @@ and `uwsim bench blur --out DIR`; all numbers are in the JSON files (one record 
 printed ones in `benchmarks/printed/blur.toml`. Angles: x right, y up, modulo 180 degrees; lengths: of the path during
 the exposure."""
 
-_METHOD = """- Failure: off by more than 2 px or 10 degrees, or no answer, whatever the method says of the frame. Refused:
-  frames in motion that it does not call blurred uniformly (most methods say nothing); a small blur cannot be told from
-  a lens. Kept failures: those among the rest.
+_METHOD = """- Failure: off by more than 2 px or 10 degrees, or no answer, whatever the method says of the frame.
+  Refused: frames in motion that it does not call blurred uniformly (most methods say nothing); a small blur cannot be
+  told from a lens. Kept failures: those among the rest.
 - Frames made here: textures in linear light, a straight uniform motion, Gaussian noise in percent of white, 8 bits. The
   blurred crop is larger than the frame, so that what was outside before comes in. By the exact transfer function, which
   some estimators have for their model, or by sub-frames in the middle of equal parts of the exposure, four per pixel.
