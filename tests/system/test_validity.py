@@ -48,6 +48,6 @@ def test_two_frames_are_scored(tmp_path):
 
 
 def test_a_page_is_refused_where_there_is_none(tmp_path):
-    done = CliRunner().invoke(app, ["bench", "pose", "--out", str(tmp_path / "page")])
+    done = CliRunner().invoke(app, ["bench", "validity", "--algorithm", "multistage", "--out", str(tmp_path / "page")])
     assert done.exit_code != 0
     assert "allowed: validity and validity_chart" in str(done.exception)
