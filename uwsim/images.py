@@ -29,6 +29,13 @@ def linear_from_srgb_uint8(image: np.ndarray) -> np.ndarray:
     return srgb_decode(np.arange(256) / 255.0).astype(np.float32)[image]
 
 
+def check_srgb_uint8(image: np.ndarray, *, where: str) -> None:
+    """Raise ValueError unless `image` is (H, W, 3) uint8."""
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        got = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise ValueError(f"{where}: got {got}, allowed: uint8 (H, W, 3)")
+
+
 def decode(path: Path, flags: int) -> np.ndarray | None:
     """Decode an image file by OpenCV's flags; None if it is no image or truncated."""
     import cv2

@@ -16,11 +16,12 @@ from uwsim.bench import restoration, runner
 from uwsim.bench.blur.estimates import Refusal, estimated
 from uwsim.bench.markers import camera_from_body, corner_covariances, found_markers
 from uwsim.bench.task import Case, lens_of, pinhole_K, pinhole_points
+from uwsim.bench.undone import undone
 from uwsim.camera.lens import Lens
 from uwsim.dataset.frame import Frame
 from uwsim.discovery import find
 from uwsim.motion_blur import deconvolvers, estimators
-from uwsim.motion_blur.deconvolution import nothing_to_undo
+from uwsim.motion_blur.undo import one_blur
 from uwsim.pose.correspondence import Match, nearest, search, symmetries
 from uwsim.pose.spheres import detect_spheres
 from uwsim.restoration import algorithms
@@ -182,14 +183,11 @@ def _deblurred(frame: Frame, image: np.ndarray, how: How) -> np.ndarray:
     """Return the picture less the blur that an estimator finds; as it is where that refuses or sees none."""
     case = Case(name=frame.name, image=image, makers={}, truth=None)
     estimate, _ = estimated(find(estimators, how.blur_from), how.blur_from, (), case)
-    if isinstance(estimate, Refusal) or nothing_to_undo(estimate):
+    if isinstance(estimate, Refusal):
         return image
     module, name = find(deconvolvers, how.deblurred_by), how.deblurred_by
     where = f"pose: {name}: frame {frame.name}"
-    output, _ = runner.image_call(
-        module, name, "deblur", image=image, wanted=module.NEEDS, makers={"blur": lambda: estimate}, where=where
-    )
-    return runner.checked_picture(output, kind=runner.input_kind(module, name), shape=image.shape, where=where)
+    return undone(module, name, module.NEEDS, image=image, way=one_blur(estimate), where=where)[0]
 
 
 def _restored(frame: Frame, image: np.ndarray, name: str) -> np.ndarray:

@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 
+from uwsim.images import check_srgb_uint8
+
 DATA_RANGE = 255.0
 SSIM_WINDOW_PX = 7
 
 
 def check_image(image: np.ndarray, *, where: str, minimum_px: int = 1) -> None:
     """Raise ValueError unless `image` is (H, W, 3) uint8 with both sides at least `minimum_px`."""
-    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        got = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
-        raise ValueError(f"{where}: got {got}, allowed: uint8 (H, W, 3)")
+    check_srgb_uint8(image, where=where)
     if min(image.shape[:2]) < minimum_px:
         raise ValueError(f"{where}: got {image.shape[:2]} px, allowed: both sides >= {minimum_px} px")
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from uwsim.images import linear_from_srgb_uint8
+from uwsim.images import check_srgb_uint8, linear_from_srgb_uint8
 from uwsim.pose.edges import corner_covariances, refine_corners
 
 
@@ -17,16 +17,12 @@ def detect_markers(image: np.ndarray, dictionary_name: str) -> dict[int, np.ndar
     Source: Garrido-Jurado et al., Pattern Recognition 47(6), 2014 (`cv2.aruco.ArucoDetector`); corners then
     refined in linear light by `refine_corners`.
     """
-    import cv2
-
-    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        got = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
-        raise ValueError(f"detect_markers: got {got}, allowed: uint8 (H, W, 3)")
-    modules = dictionary(dictionary_name).markerSize + 2
-    grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+    check_srgb_uint8(image, where="detect_markers")
+    modules = _modules(dictionary_name)
+    grey = _grey(image)
     found = opencv_markers(grey, dictionary_name)
     identities = [identity for identity, _ in found]
-    linear = linear_from_srgb_uint8(grey).astype(np.float64)
+    linear = _linear(grey)
     return {
         # from OpenCV's pixels, whose centres are at integers
         identity: refine_corners(linear, corners + 0.5, modules=modules)
@@ -40,11 +36,23 @@ def marker_covariances(image: np.ndarray, dictionary_name: str, found: dict[int,
 
     NaN where the corners are OpenCV's, not refined along the edges.
     """
+    linear, modules = _linear(_grey(image)), _modules(dictionary_name)
+    return {identity: corner_covariances(linear, corners, modules=modules) for identity, corners in found.items()}
+
+
+def _modules(dictionary_name: str) -> int:
+    """Return the modules along a marker's side, black border included."""
+    return dictionary(dictionary_name).markerSize + 2
+
+
+def _grey(image: np.ndarray) -> np.ndarray:
     import cv2
 
-    modules = dictionary(dictionary_name).markerSize + 2
-    linear = linear_from_srgb_uint8(cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)).astype(np.float64)
-    return {identity: corner_covariances(linear, corners, modules=modules) for identity, corners in found.items()}
+    return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+
+
+def _linear(grey: np.ndarray) -> np.ndarray:
+    return linear_from_srgb_uint8(grey).astype(np.float64)
 
 
 def opencv_markers(grey: np.ndarray, dictionary_name: str) -> list[tuple[int, np.ndarray]]:

@@ -30,8 +30,7 @@ def refine_corners(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) ->
     line through the centroids), here with one rejection of outliers.
     """
     start = np.asarray(corners_px, dtype=float)
-    module_px = np.linalg.norm(np.roll(start, -1, axis=0) - start, axis=1).min() / modules
-    half_width_px = float(np.clip(_HALF_WIDTH_MODULES * module_px, *_HALF_WIDTH_PX))
+    module_px, half_width_px = _module_and_half_width(start, modules)
     current = start
     for _ in range(ITERATIONS):
         lines = [_edge_line(grey, current[i], current[(i + 1) % 4], half_width_px) for i in range(4)]
@@ -51,8 +50,7 @@ def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int
     pixel apart and so only half as many are independent. Valid: noise independent from pixel to pixel.
     """
     corners = np.asarray(corners_px, dtype=float)
-    module_px = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min() / modules
-    half_width_px = float(np.clip(_HALF_WIDTH_MODULES * module_px, *_HALF_WIDTH_PX))
+    _, half_width_px = _module_and_half_width(corners, modules)
     edges = [_edge_places(grey, corners[i], corners[(i + 1) % 4], half_width_px) for i in range(4)]
     found = np.full((4, 2, 2), np.nan)
     for corner in range(4):
@@ -66,6 +64,12 @@ def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int
         inverse = np.linalg.inv(back)
         found[corner] = inverse @ np.diag([before.variance_at(before.length), after.variance_at(0.0)]) @ inverse.T
     return found
+
+
+def _module_and_half_width(corners: np.ndarray, modules: int) -> tuple[float, float]:
+    """Return the side of a module, and how far to both sides of an edge it is sought. [px]"""
+    module_px = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min() / modules
+    return module_px, float(np.clip(_HALF_WIDTH_MODULES * module_px, *_HALF_WIDTH_PX))
 
 
 class _Edge(NamedTuple):

@@ -28,7 +28,12 @@ def local_map(lens: Lens, centre_px: np.ndarray) -> np.ndarray | None:
 
 def shape_of(slope: np.ndarray) -> np.ndarray:
     """Return the symmetric (2, 2) of determinant 1 that makes circles to outlines, of a `local_map`."""
-    values, vectors = np.linalg.eigh(slope @ slope.T)
+    return shape_of_moments(slope @ slope.T)
+
+
+def shape_of_moments(moments: np.ndarray) -> np.ndarray:
+    """Return the symmetric (2, 2) of determinant 1 that makes circles to ellipses of these second moments (2, 2)."""
+    values, vectors = np.linalg.eigh(moments)
     return (vectors * np.sqrt(values / np.sqrt(values.prod()))) @ vectors.T
 
 

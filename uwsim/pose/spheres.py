@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from uwsim.camera.lens import Lens
-from uwsim.images import linear_from_srgb_uint8
+from uwsim.images import check_srgb_uint8, linear_from_srgb_uint8
 from uwsim.pose.sphere_candidates import Candidate, candidates
 from uwsim.pose.sphere_fit import fit_sphere
-from uwsim.pose.sphere_outline import local_map, middle_off_px, shape_of
+from uwsim.pose.sphere_outline import local_map, middle_off_px, shape_of, shape_of_moments
 
 SATURATED = 254
 _LEAST_EXPLAINED = 0.6
@@ -53,9 +53,7 @@ def detect_spheres(
     Valid: spheres apart from each other, of one blur; radius from 1.5 px. Noise independent from pixel to pixel: after
     a restoration or in a compressed picture the covariance is too small.
     """
-    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        got = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
-        raise ValueError(f"detect_spheres: got {got}, allowed: uint8 (H, W, 3)")
+    check_srgb_uint8(image, where="detect_spheres")
     least, most = radius_px
     if not 0 < least <= most < min(image.shape[:2]) / 2:
         raise ValueError(
@@ -120,10 +118,7 @@ def _streak_shape(grey: np.ndarray, usable: np.ndarray, blob: Candidate) -> np.n
         (light * columns).sum() / light.sum(), (light * rows).sum() / light.sum()
     ]  # fmt: skip
     moments = np.einsum("ij,ijk,ijl->kl", light, aside, aside) / light.sum()
-    values, vectors = np.linalg.eigh(moments)
-    if not values[0] > 0:
-        return None
-    return (vectors * np.sqrt(values / np.sqrt(values.prod()))) @ vectors.T
+    return shape_of_moments(moments) if np.linalg.eigvalsh(moments)[0] > 0 else None
 
 
 def _covered(shape: tuple[int, int], others: list[Candidate], blob: Candidate) -> np.ndarray:

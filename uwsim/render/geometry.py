@@ -23,7 +23,7 @@ def geometry(scene, view: View, *, world_from_camera: np.ndarray | None = None) 
     is that of the point seen in the camera frame. Where no body is seen, distances are +inf and the rest 0. Normals
     point towards the camera, in world axes; albedo is the diffuse reflectance weighted by the response.
     """
-    return _cast(scene, view, build_bodies(scene), world_from_camera)
+    return _cast(scene, view, build_bodies(scene), _lens_rays(view), world_from_camera)
 
 
 def mean_surfaces(scene, view: View, world_from_camera: np.ndarray) -> Surfaces:
@@ -31,19 +31,24 @@ def mean_surfaces(scene, view: View, world_from_camera: np.ndarray) -> Surfaces:
 
     Of more than 64 poses, 64 that are spread evenly.
     """
-    loaded, count = build_bodies(scene), len(world_from_camera)
+    loaded, rays, count = build_bodies(scene), _lens_rays(view), len(world_from_camera)
     chosen = np.unique(np.linspace(0, count - 1, min(count, _MOST_POSES)).round().astype(int))
     albedo, normal = 0.0, 0.0
     for pose in world_from_camera[chosen]:
-        seen = _cast(scene, view, loaded, pose)
+        seen = _cast(scene, view, loaded, rays, pose)
         albedo, normal = albedo + seen["albedo"].astype(float), normal + seen["normal"].astype(float)
     albedo, normal = ((total / len(chosen)).astype(np.float32) for total in (albedo, normal))
     return Surfaces(albedo=albedo, normal=normal)
 
 
-def _cast(scene, view: View, loaded, world_from_camera: np.ndarray | None) -> dict[str, np.ndarray]:
-    local_origins, local = view.lens.rays(pixel_centres(width_px=view.width_px, height_px=view.height_px))
-    origins, world = _in_world(scene, view, (local_origins, local), world_from_camera)
+def _lens_rays(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rays in the water of all pixel centres in the camera frame, (H, W, 3)."""
+    return view.lens.rays(pixel_centres(width_px=view.width_px, height_px=view.height_px))
+
+
+def _cast(scene, view: View, loaded, rays, world_from_camera: np.ndarray | None) -> dict[str, np.ndarray]:
+    local_origins, local = rays
+    origins, world = _in_world(scene, view, rays, world_from_camera)
     # a ray that the lens does not have is cast somewhere and forgotten
     has_ray = np.all(np.isfinite(world), axis=-1)
     origins, world = np.where(has_ray[:, None], origins, 0.0), np.where(has_ray[:, None], world, [0.0, 0.0, 1.0])
@@ -69,7 +74,7 @@ def pixel_rays(scene, view: View) -> tuple[np.ndarray, np.ndarray]:
 
     In the middle of each row's exposure; NaN where the lens or the port has no ray.
     """
-    rays = view.lens.rays(pixel_centres(width_px=view.width_px, height_px=view.height_px))
+    rays = _lens_rays(view)
     origins, directions = _in_world(scene, view, rays, None)
     return origins.reshape(rays[0].shape), directions.reshape(rays[1].shape)
 

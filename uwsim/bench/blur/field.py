@@ -14,6 +14,7 @@ from uwsim.bench import runner
 from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.task import Case
 from uwsim.metrics import blur as blur_metrics
+from uwsim.motion_blur.deconvolution import nothing_to_undo
 
 STATISTICS = {"field_error_px": "median", "field_answered_percent": "mean"}
 
@@ -41,7 +42,7 @@ def scores(module: ModuleType, name: str, case: Case, estimate: object) -> dict[
 
 def uniform(estimate: object, shape: tuple[int, int]) -> np.ndarray:
     """Return the field (H, W, 2), right and up [px], of one straight motion; of none where the verdict says so."""
-    length_px = 0.0 if getattr(estimate, "verdict", None) == "no blur" else float(estimate.length_px)
+    length_px = 0.0 if nothing_to_undo(estimate) else float(estimate.length_px)
     angle = math.radians(0.0 if length_px == 0 else float(estimate.angle_deg))
     return np.broadcast_to(length_px * np.array([math.cos(angle), math.sin(angle)]), (*shape, 2))
 
