@@ -5,30 +5,56 @@ import numpy as np
 from uwsim.motion_blur.whittle import model
 from uwsim.motion_blur.whittle.cells_fit import fit_cells
 from uwsim.motion_blur.whittle.model import ELLIPSE, FILL, NOISE, RIGHT, ROLL_OFF, STATIC, TEXTURE, UP
-from uwsim.motion_blur.whittle.periodogram import Frequencies
+from uwsim.motion_blur.whittle.periodogram import Frequencies, frequencies
 
-# how much better a blur must explain the picture than every texture without one
-BLUR_NATS = 10.0
+# how much better a blur of the shortest length must explain the picture than every texture without one
+_BLUR_NATS = 10.0
+# e-folds of the length: the longer, the more displacements there are of which one may fit by chance
+_SHORTEST_FOLD_PX = 2.0
 _STEPS = 12
 # a zero fill so large that sinc^2 vanishes beside it: what is left falls off without a zero
 _RIDGE_FILL_LN = 7.0
 _RIDGE_STATIC_LN = -3.0
 # longer ones are not the work of a lens on a texture with a ridge, only of one of them
-_LENS_AND_RIDGE_PX = 3.0
+LENS_AND_RIDGE_PX = 3.0
 # lengths of ridges to start from, as shares of the blur's: 1 / sqrt(3) has its curvature at 0
 _RIDGE_SHARES = (0.58, 1.0)
+_TINY = 1e-12
+
+
+def least_nats(length_px: float) -> float:
+    """Return how much better [nats] a blur of this length must explain a picture than textures without one do."""
+    return _BLUR_NATS * (1 + max(0.0, float(np.log(length_px / _SHORTEST_FOLD_PX))))
+
+
+def shows_in_parts(grey: np.ndarray, *, scale: float, parameters: np.ndarray, lens_std_px: float | None) -> bool:
+    """Return whether two of the four quarters of a picture (H, W) show the blur, each near to `parameters`.
+
+    What moves shows wherever there is texture, one long edge only where it is. `scale`: the unit of the parameters, the
+    standard deviation of the picture.
+    """
+    height, width = (side // 2 for side in grey.shape)
+    nats = []
+    for row, column in np.ndindex(2, 2):
+        part = grey[row * height : (row + 1) * height, column * width : (column + 1) * width]
+        found = frequencies(*part.shape)
+        power = found.periodogram(part / scale).astype(np.float32)
+        is_empty = float(power[found.fitted].max()) < _TINY
+        nats.append(0.0 if is_empty else blur_nats(found, power, parameters, lens_std_px=lens_std_px, whole=False))
+    return sorted(nats)[-2] >= _BLUR_NATS / 2
 
 
 def blur_nats(
-    frequencies: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None
+    found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None, whole: bool = True
 ) -> float:
     """Return how much better [nats] a blur explains the cells than textures without one do.
 
     Rivals: a Gaussian roll-off that is any ellipse, which every blur is below its first zero; and a ridge, the fall
-    1 / (1 + (pi L s)^2) of a texture with long straight edges, with a part that does not take part in it.
+    1 / (1 + (pi L s)^2) of a texture with long straight edges, with a part that does not take part in it. `whole`: no
+    part of a picture, in which the share that does not move is another one.
     """
-    cells = frequencies.cells
-    power_of_cells = cells.mean(power[frequencies.fitted].astype(float))
+    cells = found.cells
+    power_of_cells = cells.mean(power[found.fitted].astype(float))
     held, loose = (model.prior(lens_std_px=lens_std_px, any_lens=free) for free in (False, True))
     for prior in (held, loose):
         prior[1][[STATIC, FILL]] = 0.0
@@ -38,9 +64,10 @@ def blur_nats(
         options = {"free": free, "prior": prior, "steps": _STEPS, "limit_px": np.inf}
         return float(fit_cells(cells, power_of_cells, np.atleast_2d(starts), **options)[1].min())
 
-    blurred = loss(parameters, np.array([RIGHT, UP, *texture]), held)
+    moving = [RIGHT, UP] if whole else [RIGHT, UP, STATIC]
+    blurred = loss(parameters, np.array([*moving, *texture]), held)
     smooth = loss(_ellipses(parameters), texture, loose)
-    short = np.hypot(parameters[RIGHT], parameters[UP]) < _LENS_AND_RIDGE_PX
+    short = np.hypot(parameters[RIGHT], parameters[UP]) < LENS_AND_RIDGE_PX
     ridged = loss(_ridges(parameters), np.array([RIGHT, UP, STATIC, *texture]), loose if short else held)
     return min(smooth, ridged) - blurred
 

@@ -7,7 +7,7 @@ import numpy as np
 from uwsim.motion_blur.estimate import Estimate, longest_length_px
 from uwsim.motion_blur.whittle import model
 from uwsim.motion_blur.whittle.fit import Fit, refine
-from uwsim.motion_blur.whittle.gate import BLUR_NATS, blur_nats
+from uwsim.motion_blur.whittle.gate import LENS_AND_RIDGE_PX, blur_nats, least_nats, shows_in_parts
 from uwsim.motion_blur.whittle.model import FILL, RIGHT, UP
 from uwsim.motion_blur.whittle.periodogram import Frequencies, frequencies
 from uwsim.motion_blur.whittle.search import LOOSE, UNIFORM, candidates
@@ -109,9 +109,13 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     best = min(fits, key=lambda fit: fit.loss)
     made = Found(best, found, scale, "blur" if is_uniform else "not uniform")
     shows = made.length_px >= SHORTEST_PX and (is_uniform or _shows(made, limit_px))
-    if not shows or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < BLUR_NATS:
-        made = replace(made, verdict="no blur")
-    return made
+    if not shows or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < least_nats(made.length_px):
+        return replace(made, verdict="no blur")
+    # hardly anything else looks like a long uniform motion, whose stripes are too fine for a quarter of the picture
+    if is_uniform and made.length_px >= LENS_AND_RIDGE_PX:
+        return made
+    is_shown = shows_in_parts(grey, scale=scale, parameters=best.parameters, lens_std_px=lens_std_px)
+    return made if is_shown else replace(made, verdict="no blur")
 
 
 def _contradicts(loose_px: np.ndarray, uniform_px: np.ndarray) -> bool:
