@@ -15,7 +15,7 @@ from uwsim.motion_blur.whittle.search import LOOSE, UNIFORM, candidates
 # valleys fitted on all frequencies; the best of them is the answer
 CANDIDATES = 3
 # standard deviations of real pictures over those of the model: their textures are no power laws
-REAL_OVER_MODEL_STD = 2.7
+REAL_OVER_MODEL_STD = 2.4
 # shorter ones cannot be told from a lens
 SHORTEST_PX = 1.5
 # nats per informative frequency that a static share and filled zeros explain in a picture that does not move as one
@@ -26,7 +26,7 @@ _AGREE_SHARE = 0.25
 _SEES_PX = 1.75
 # a motion that is not uniform must still show: its length to this share, and more of a blur than of a ridge, the filled
 # zeros' form; lengths at the limit of the search are none
-_SEEN_LENGTH_SHARE = 1 / 30
+_SEEN_LENGTH_SHARE = 1 / 34
 _MOST_FILL = 1.0
 _AT_LIMIT = 0.99
 _TINY = 1e-12
