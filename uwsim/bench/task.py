@@ -19,6 +19,9 @@ from uwsim.camera.sensor import linear_from_radiance
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
 
+_NAMED_FRAMES = 3
+"""Of more, the first so many are named."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -110,7 +113,12 @@ def camera_notes(dataset: Dataset, cases: list[str]) -> list[str]:
     for name in dict.fromkeys(frame_of_case(case) for case in cases):
         for text in _camera_texts(dataset.frame(name)):
             frames.setdefault(text, []).append(name)
-    return [f"{text} (frames {', '.join(names)})" for text, names in frames.items()]
+    return [f"{text} ({_frames(names)})" for text, names in frames.items()]
+
+
+def _frames(names: list[str]) -> str:
+    named = ", ".join(names[:_NAMED_FRAMES])
+    return f"frames {named}" if len(names) <= _NAMED_FRAMES else f"{len(names)} frames: {named} ..."
 
 
 def _camera_texts(frame: Frame) -> list[str]:

@@ -15,6 +15,11 @@ _STEP_ALONG_PX, _STEP_ACROSS_PX = 0.5, 0.25
 _HALF_WIDTH_PX = (1.5, 4.0)
 _HALF_WIDTH_MODULES = 0.6
 _OUTLIER_MADS = 4.0
+# standard deviations of corners in rendered pictures over those that the scatter along the edges tells: what
+# `benchmarks/fits/marker_errors.py` finds on `pose_tuning`
+CORNERS_OVER_MODEL_STD = 2.5
+# lags up to which places along an edge are taken for correlated
+_CORRELATED_PX = 4.0
 # of places on a noise-free picture: interpolation
 _LEAST_VARIANCE_PX2 = 1e-4
 
@@ -46,8 +51,8 @@ def refine_corners(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) ->
 def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) -> np.ndarray:
     """Return covariances (4, 2, 2) [px^2] of corners as `refine_corners` gives them; NaN where an edge has no line.
 
-    From the scatter of each edge's places about its line, carried on to where it meets the next. Places are half a
-    pixel apart and so only half as many are independent. Valid: noise independent from pixel to pixel.
+    From the scatter of each edge's places about its line, carried on to where it meets the next; places are worth as
+    many as their residuals are independent. Times `CORNERS_OVER_MODEL_STD` squared.
     """
     corners = np.asarray(corners_px, dtype=float)
     _, half_width_px = _module_and_half_width(corners, modules)
@@ -62,7 +67,8 @@ def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int
         if abs(np.linalg.det(back)) < 1e-6:
             continue
         inverse = np.linalg.inv(back)
-        found[corner] = inverse @ np.diag([before.variance_at(before.length), after.variance_at(0.0)]) @ inverse.T
+        variances = np.array([before.variance_at(before.length), after.variance_at(0.0)])
+        found[corner] = CORNERS_OVER_MODEL_STD**2 * inverse @ np.diag(variances) @ inverse.T
     return found
 
 
@@ -88,12 +94,27 @@ class _Edge(NamedTuple):
         shares = self.weights / self.weights.sum()
         middle = shares @ self.distances
         spread = shares @ (self.distances - middle) ** 2
-        squares = shares @ (self.offsets - slope * self.distances - offset) ** 2
-        independent = _STEP_ALONG_PX / (shares @ shares)
+        residuals = self.offsets - slope * self.distances - offset
+        squares = shares @ residuals**2
+        independent = 1 / (shares @ shares) / _correlated_places(np.where(self.weights > 0, residuals, 0.0))
         if not (independent > 2 and spread > 0):
             return np.nan
         lever = 1 + (distance - middle) ** 2 / spread
         return float(max(squares, _LEAST_VARIANCE_PX2) * lever / (independent - 2))
+
+
+def _correlated_places(residuals: np.ndarray) -> float:
+    """Return how many neighbouring places (n,) along an edge are worth one: the sum of the autocorrelation.
+
+    At least a pixel's; noise of a smoothed or restored picture, and light scattered into an edge, reach further.
+    """
+    lags = np.arange(1, min(_CORRELATED_PX / _STEP_ALONG_PX, len(residuals) - 1) + 1).astype(int)
+    square = max(residuals @ residuals / len(residuals), 1e-300)
+    shares = [residuals[lag:] @ residuals[:-lag] / (len(residuals) - lag) / square for lag in lags]
+    # a correlation exp(-d^2 / (4 s^2)) sums to 2 s sqrt(pi) over a line: what the fitted line has taken up is missing
+    # in the sum over lags
+    smooth = np.sqrt(np.pi / -np.log(np.clip(shares[0], 1e-6, 0.95))) if shares else 1.0
+    return float(max(1 + 2 * np.sum(shares), smooth, 1 / _STEP_ALONG_PX))
 
 
 def _edge_line(grey, first, second, half_width_px: float) -> tuple[np.ndarray, np.ndarray] | None:

@@ -22,6 +22,8 @@ _OUTLIER_SDS = 4.0
 _ROUNDS = 3
 _SAMPLES_PER_RADIUS = 20
 _MOST_SAMPLES = 4
+_CORRELATED_PX = 3
+"""Lags up to which residuals are taken for correlated."""
 _STEP = 0.01
 _UNKNOWNS, _FACTORS = 6, 5
 
@@ -193,6 +195,30 @@ def _weights(window: _Window, model: np.ndarray) -> np.ndarray:
     return np.where(used & ~far_off, variance[used].mean() / variance, 0.0)
 
 
+def _correlation(residuals: np.ndarray, used: np.ndarray) -> float:
+    """Return the sum of the autocorrelation of residuals (h, w) over all lags, at least 1: variances grow by it.
+
+    It is 1 for noise that is independent from pixel to pixel, more where a picture has been smoothed or restored, and
+    where the model leaves a pattern. The larger of the sum over near lags, which misses what the fit has taken up, and
+    of that of a Gaussian with the same correlation of neighbours.
+    """
+    from scipy.signal import fftconvolve
+
+    mask, values = used.astype(float), np.where(used, residuals, 0.0)
+    products, pairs = (fftconvolve(part, part[::-1, ::-1]) for part in (values, mask))
+    row, column = (side - 1 for side in values.shape)
+    means = products / np.maximum(pairs, 1)
+    shares = means / max(means[row, column], 1e-300)
+    reach = np.s_[
+        max(row - _CORRELATED_PX, 0) : row + _CORRELATED_PX + 1,
+        max(column - _CORRELATED_PX, 0) : column + _CORRELATED_PX + 1,
+    ]
+    neighbours = np.clip([shares[row + 1, column], shares[row, column + 1]], 1e-6, 0.95)
+    # a correlation exp(-d^2 / (4 s^2)) sums to 2 s sqrt(pi) over a line, to no less than 1
+    smooth = np.maximum(np.sqrt(np.pi / -np.log(neighbours)), 1.0)
+    return float(max(shares[reach].sum(), smooth.prod(), 1.0))
+
+
 def _described(window: _Window, unknowns: np.ndarray) -> Fit | None:
     used = window.weights > 0
     if np.count_nonzero(used) < _UNKNOWNS + _FACTORS + _LEAST_SPARE:
@@ -200,8 +226,8 @@ def _described(window: _Window, unknowns: np.ndarray) -> Fit | None:
     slope = _slope(window, unknowns, _noise(window, unknowns))
     if np.linalg.cond(slope) > 1e8:
         return None
-    covariance = np.linalg.inv(slope.T @ slope)
     model, ground = _model(window, unknowns)
+    covariance = np.linalg.inv(slope.T @ slope) * _correlation(np.sqrt(window.weights) * (window.values - model), used)
     radius = float(np.exp(unknowns[2]))
     rows, columns = np.mgrid[: model.shape[0], : model.shape[1]] + 0.5
     aside = np.stack([columns, rows], axis=-1) + window.first - unknowns[:2]

@@ -17,6 +17,9 @@ from uwsim.pose.sphere_fit import fit_sphere
 from uwsim.pose.sphere_outline import local_map, middle_off_px, shape_of, shape_of_moments
 
 SATURATED = 254
+POINTS_OVER_MODEL_STD = 1.5
+"""Standard deviations in rendered pictures over those of the fit: shadows, light that the water scatters; what
+`benchmarks/fits/marker_errors.py` finds on `pose_tuning`."""
 _LEAST_EXPLAINED = 0.6
 _LEAST_CONTRAST_SDS = 3.0
 _FITTED_MARGIN = 1.5
@@ -50,8 +53,8 @@ def detect_spheres(
     radius, standard deviation of a centre by what the model leaves out (shadows of other spheres, rods), added to what
     follows from the noise. ValueError for another kind of image or a range that is none.
 
-    Valid: spheres apart from each other, of one blur; radius from 1.5 px. Noise independent from pixel to pixel: after
-    a restoration or in a compressed picture the covariance is too small.
+    Valid: spheres apart from each other, of one blur; radius from 1.5 px. Covariances: of the fit, larger where its
+    residuals are correlated, times `POINTS_OVER_MODEL_STD` squared; still too small at high turbidity.
     """
     check_srgb_uint8(image, where="detect_spheres")
     least, most = radius_px
@@ -69,7 +72,8 @@ def detect_spheres(
         one = _fitted(grey, saturated, others, blob, lens, radius_m)
         if one is not None and least / _FITTED_MARGIN <= one.radius_px <= _FITTED_MARGIN * most:
             by_model = (model_share * one.radius_px) ** 2 * np.eye(2)
-            found.append(one._replace(covariance_px2=one.covariance_px2 + by_model))
+            covariance = POINTS_OVER_MODEL_STD**2 * (one.covariance_px2 + by_model)
+            found.append(one._replace(covariance_px2=covariance))
     return _different(sorted(found, key=lambda one: -one.contrast))
 
 

@@ -86,7 +86,8 @@ _METHOD = """- Spheres: blobs in scale space, then a lit ball fitted to pixels i
   (`uwsim/pose/spheres.py`); the image of its centre, not the middle of its outline. Markers: ArUco and AprilTag,
   corners where lines fitted to the four edges meet.
 - Covariances: of centres from the fit's residuals and 1 % of the radius for what the model leaves out, of corners from
-  the scatter of the edges' places; `port refined` weights by them. In restored and deblurred pictures noise is no
-  longer independent from pixel to pixel, and they are too small.
+  the scatter of the edges' places, both larger where the residuals are correlated; then times one factor for spheres
+  and one for corners, found on pictures of the set `pose_tuning` (`benchmarks/fits/marker_errors.py`). `port refined`
+  weights by them.
 - Errors: angle of the rotation between pose and truth; distance of the translations over the true one.
 - Errors are of the cases with a pose, whose share stands beside them: compare methods where that is alike."""
