@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from uwsim.camera.dome_port import DomePort
 from uwsim.camera.flat_port import FlatPort
 from uwsim.camera.lens import Lens
-from uwsim.images import srgb_uint8_from_linear
+from uwsim.images import linear_from_srgb_uint8, srgb_uint8_from_linear
 from uwsim.metrics.pose import corner_error_px, rotation_error_deg, translation_error_percent
-from uwsim.pose.detect import detect_markers
+from uwsim.pose import edges
+from uwsim.pose.detect import detect_markers, marker_covariances
 from uwsim.pose.edges import refine_corners
 from uwsim.pose.geometry import normalise, project, transform
 from uwsim.pose.refine import refine
@@ -103,6 +105,34 @@ class TestDetect:
         image, true = picture_of_markers("DICT_4X4_50", (3, 7), size_px=40, roll_deg=17, noise=0.01)
         found = detect_markers(image, "DICT_4X4_50")
         assert max(corner_error_px(found[identity], true[identity]).max() for identity in true) < 0.2
+
+    @pytest.mark.parametrize("smooth_px", [0.0, 0.8])
+    def test_corners_are_as_sure_as_the_edges_say(self, smooth_px, monkeypatch):
+        """Setup: 12 pictures of two markers, noise independent or smoothed. Expected: squared errors in units of the
+        variances from the edges' scatter have the mean 2; 96 corners and what interpolation adds: 1.5 to 4. Negative
+        control: smooth noise taken for independent gives more than twice as much."""
+        quiet, true = picture_of_markers("DICT_4X4_50", (3, 7), size_px=40, roll_deg=17)
+        clean = linear_from_srgb_uint8(quiet)[..., 0].astype(float)
+
+        def mean_square():
+            squares = []
+            for seed in range(12):
+                noise = np.random.default_rng(seed).standard_normal(clean.shape)
+                noise = ndimage.gaussian_filter(noise, smooth_px) if smooth_px else noise
+                noisy = np.clip(clean + 0.02 * noise / noise.std(), 0, 1)
+                image = np.repeat(srgb_uint8_from_linear(noisy)[..., None], 3, axis=2)
+                found = detect_markers(image, "DICT_4X4_50")
+                covariances = marker_covariances(image, "DICT_4X4_50", found)
+                for identity, corners in found.items():
+                    off, inverse = corners - true[identity], np.linalg.inv(covariances[identity])
+                    squares.append(edges.CORNERS_OVER_MODEL_STD**2 * np.einsum("ni,nij,nj->n", off, inverse, off))
+            assert len(squares) == 24
+            return np.mean(squares)
+
+        stated = mean_square()
+        assert 1.5 < stated < 4
+        monkeypatch.setattr(edges, "_correlated_places", lambda residuals: 2.0)
+        assert (mean_square() > 2 * stated) == (smooth_px > 0)
 
     def test_lines_are_better_than_what_opencv_returns(self, monkeypatch):
         """The reason for the refinement: without it the corners are off by more than 0.1 px."""
