@@ -19,8 +19,8 @@ import side_by_side
 FULL, QUICK = 10_000, 500
 FOCAL_PX, NOISE_PX, EDGE_M = 1300.0, 2.0, 0.1
 REFERENCE = "sqpnp_loop"
-# what cannot be called with points alone, or is no solver to time
-LEFT_OUT = {"oracle_corners", "oracle_start"}
+# what cannot be called with points alone
+LEFT_OUT = {"oracle_corners", "oracle_start", "pinhole_ignoring_port", "port_refined"}
 # slow ones are timed on a part of the problems: their time per problem does not depend on the number
 SLOW_SHARE = {"dls": 0.2, "opnp": 0.2, "lhm": 0.5}
 VARIANTS = {
