@@ -50,8 +50,8 @@ def blur_nats(
     """Return how much better [nats] a blur explains the cells than textures without one do.
 
     Rivals: a Gaussian roll-off that is any ellipse, which every blur is below its first zero; and a ridge, the fall
-    1 / (1 + (pi L s)^2) of a texture with long straight edges, with a part that does not take part in it. `whole`: no
-    part of a picture, in which the share that does not move is another one.
+    1 / (1 + (pi L s)^2) of a texture with long straight edges, with a part that does not take part in it. Where the
+    cells are not those of the `whole` picture, the blur's share that does not move may be another one, too.
     """
     cells = found.cells
     power_of_cells = cells.mean(power[found.fitted].astype(float))
