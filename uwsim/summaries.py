@@ -9,7 +9,7 @@ def noise_line(noise) -> str:
 
     radiance = noise.pictures["radiance"]
     asked = "" if noise.region_rule is None else f" (asked: {noise.region_rule:.2%})"
-    failed = [name for name, one in noise.pictures.items() if not one.pixel_rule_met or one.region_rule_met is False]
+    failed = [name for name, one in noise.pictures.items() if False in (one.pixel_rule_met, one.region_rule_met)]
     verdict = "rules met" if noise.met else f"rules NOT met by {', '.join(failed)}"
     late = " when the time was up" if any(one.ended_by == "time" for one in noise.pictures.values()) else ""
     return (

@@ -1,10 +1,12 @@
 """The rules that end a render, on synthetic noise of known variance; sums on disk; what is asked for and refused."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from uwsim.dataset import info, make
 from uwsim.render import accumulate, memory, stopping
 from uwsim.render.accumulate import Sums
 from uwsim.render.checkpoint import Checkpoint
@@ -156,6 +158,18 @@ def test_without_pixels_the_region_rule_alone_ends_a_render():
     poor = noise(batches=8, region=0.04, ratio=50.0, share=0.0)
     assert 32 <= rule.expected_batches(poor) < 45  # four times the samples halve the error
     assert Until(region=0.02).expected_batches(poor) > 1000
+
+
+@pytest.mark.parametrize("pixels, rule_met, met", [(True, False, False), (False, None, True)])
+def test_a_rule_that_was_not_asked_for_is_not_held_against_a_frame(pixels, rule_met, met):
+    """Expected: frame.json states null for it, and the frame meets its rules. Control: the same noise with it asked."""
+    ended = SimpleNamespace(noise=noise(share=0.1), samples_per_pixel=128, by="noise")
+    stated = make._noise(SimpleNamespace(ended={"radiance": ended}), Until(region=0.02, pixels=pixels))["noise"]
+    assert (stated["pictures"]["radiance"]["pixel_rule_met"], stated["met"]) == (rule_met, met)
+    found = info.Noise.model_validate(stated)
+    assert found.met == met
+    with pytest.raises(ValueError, match="noise.met"):
+        info.Noise.model_validate(stated | {"met": not met})
 
 
 def test_time_to_go_follows_the_square_root_law():

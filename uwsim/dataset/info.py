@@ -27,12 +27,14 @@ class PictureNoise(Strict):
     region_rule_met: bool | None
     pixel_ratio_p95: Annotated[float, Field(ge=0)]
     pixel_share_within: Annotated[float, Field(ge=0, le=1)]
-    pixel_rule_met: bool
+    pixel_rule_met: bool | None
 
 
 class Noise(Strict):
-    """Whether the light pictures are good enough; `met`: every picture meets the pixel rule, and the region rule at
-    `region_rule` where that was asked for (else null)."""
+    """Whether the light pictures are good enough; `met`: every picture meets the rules that were asked for.
+
+    Rules that were not are null: the pixel rule with `pixels = false`, the region rule (at `region_rule`) without one.
+    """
 
     region_rule: float | None
     met: bool

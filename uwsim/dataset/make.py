@@ -68,11 +68,11 @@ def _noise(rendered: Rendered, until: stopping.Until) -> dict:
             "region_rule_met": None if until.region is None else ended.noise.region_rule_met(until.region),
             "pixel_ratio_p95": ended.noise.pixel_ratio_p95,
             "pixel_share_within": ended.noise.pixel_share_within,
-            "pixel_rule_met": ended.noise.pixel_rule_met,
+            "pixel_rule_met": ended.noise.pixel_rule_met if until.pixels else None,
         }
         for name, ended in rendered.ended.items()
     }
-    met = all(entry["pixel_rule_met"] and entry["region_rule_met"] in (True, None) for entry in pictures.values())
+    met = not any(False in (entry["pixel_rule_met"], entry["region_rule_met"]) for entry in pictures.values())
     radiance = pictures["radiance"]
     return {
         "samples_per_pixel": radiance["samples_per_pixel"],
