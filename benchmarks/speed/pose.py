@@ -19,8 +19,6 @@ import side_by_side
 FULL, QUICK = 10_000, 500
 FOCAL_PX, NOISE_PX, EDGE_M = 1300.0, 2.0, 0.1
 REFERENCE = "sqpnp_loop"
-# what cannot be called with points alone
-LEFT_OUT = {"oracle_corners", "oracle_start", "pinhole_ignoring_port", "port_refined"}
 # slow ones are timed on a part of the problems: their time per problem does not depend on the number
 SLOW_SHARE = {"dls": 0.2, "opnp": 0.2, "lhm": 0.5}
 VARIANTS = {
@@ -62,7 +60,8 @@ def calls_of(points_m, points, only: list[str] | None) -> dict:
     from uwsim.discovery import discover
     from uwsim.pose import solvers
 
-    found = {name: module for name, module in discover(solvers).items() if name not in LEFT_OUT}
+    # what can be called with points alone
+    found = {name: module for name, module in discover(solvers).items() if not module.NEEDS}
     if unknown := set(only or found) - set(found):
         raise ValueError(f"--only: got {', '.join(sorted(unknown))}, allowed: {', '.join(found)}")
     calls = {REFERENCE: (partial(sqpnp_loop, points_m, points), len(points))}

@@ -76,8 +76,8 @@ def test_smooth_noise_makes_centres_less_sure(monkeypatch):
 def test_centres_are_unbiased_and_as_sure_as_they_say(light):
     """Setup: balls of 5 px in a sloping veil, one below the other by fractions of a pixel. Expected: mean error below
     0.02 px and what it scatters; squared errors in units of the fit's variances have the mean 2 (30 of them: 1.2 to
-    3.2). Negative control: the centroid of the brightness, pixels off
-    its veil, is off by more where light comes from the side."""
+    3.2). Negative control: the centroid of the brightness, pixels off its veil, is off by more where light comes from
+    the side."""
     errors, covariances = centres(3, 5.0, light, 30)
     scatter = errors.std(axis=0) / np.sqrt(len(errors))
     assert np.all(np.abs(errors.mean(axis=0)) < 0.02 + 2 * scatter)

@@ -148,14 +148,12 @@ def point_scores(points: Points, view: View) -> dict[str, float]:
     if points is view.visible or not known.any():
         scores = {"points_found_percent": math.nan if points is view.visible else found}
         return scores | ({"corner_error_px": 0.0} if points is view.visible and known.any() else {})
-    off = (points.image_px - points.true_px)[known]
-    squares = np.einsum("ni,nij,nj->n", off, np.linalg.inv(points.covariance_px2[known]), off)
     errors_px = pose_metrics.corner_error_px(points.image_px[known], points.true_px[known])
     return {
         "corner_error_px": float(np.mean(errors_px)),
         "points_found_percent": found,
         "points_right_percent": points.right,
-        "points_covered_percent": 100.0 * float(np.mean(squares <= _COVERED)),
+        "points_covered_percent": 100.0 * float(np.mean(points.squares[known] <= _COVERED)),
     }
 
 

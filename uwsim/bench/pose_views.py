@@ -59,6 +59,12 @@ class Points:
     spare: int = 0
     right: float = np.nan
 
+    @property
+    def squares(self) -> np.ndarray:
+        """Squared distances (n,) from the true places in standard deviations; NaN where these are not known."""
+        off = self.image_px - self.true_px
+        return np.einsum("ni,nij,nj->n", off, np.linalg.inv(self.covariance_px2), off)
+
 
 @dataclass(frozen=True)
 class View:

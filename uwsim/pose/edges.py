@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uwsim.pose.correlated import sum_along_line
+
 ITERATIONS = 4
 # the ends of an edge are left out: there the neighbouring edge and the rounding of the corner interfere
 _ENDS_SHARE = 0.12
@@ -111,9 +113,8 @@ def _correlated_places(residuals: np.ndarray) -> float:
     lags = np.arange(1, min(_CORRELATED_PX / _STEP_ALONG_PX, len(residuals) - 1) + 1).astype(int)
     square = max(residuals @ residuals / len(residuals), 1e-300)
     shares = [residuals[lag:] @ residuals[:-lag] / (len(residuals) - lag) / square for lag in lags]
-    # a correlation exp(-d^2 / (4 s^2)) sums to 2 s sqrt(pi) over a line: what the fitted line has taken up is missing
-    # in the sum over lags
-    smooth = np.sqrt(np.pi / -np.log(np.clip(shares[0], 1e-6, 0.95))) if shares else 1.0
+    # what the fitted line has taken up is missing in the sum over lags
+    smooth = sum_along_line(shares[0]) if shares else 1.0
     return float(max(1 + 2 * np.sum(shares), smooth, 1 / _STEP_ALONG_PX))
 
 

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uwsim.pose.correlated import sum_along_line
+
 _SHARPEST_PX, _BLUNTEST = 0.12, 1.0
 """Of the blur: next to none, and one radius."""
 _LIGHT_SD = 1.0
@@ -213,9 +215,7 @@ def _correlation(residuals: np.ndarray, used: np.ndarray) -> float:
         max(row - _CORRELATED_PX, 0) : row + _CORRELATED_PX + 1,
         max(column - _CORRELATED_PX, 0) : column + _CORRELATED_PX + 1,
     ]
-    neighbours = np.clip([shares[row + 1, column], shares[row, column + 1]], 1e-6, 0.95)
-    # a correlation exp(-d^2 / (4 s^2)) sums to 2 s sqrt(pi) over a line, to no less than 1
-    smooth = np.maximum(np.sqrt(np.pi / -np.log(neighbours)), 1.0)
+    smooth = np.maximum(sum_along_line(np.array([shares[row + 1, column], shares[row, column + 1]])), 1.0)
     return float(max(shares[reach].sum(), smooth.prod(), 1.0))
 
 

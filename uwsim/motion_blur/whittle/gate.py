@@ -19,7 +19,6 @@ _RIDGE_STATIC_LN = -3.0
 LENS_AND_RIDGE_PX = 3.0
 # lengths of ridges to start from, as shares of the blur's: 1 / sqrt(3) has its curvature at 0
 _RIDGE_SHARES = (0.58, 1.0)
-_TINY = 1e-12
 
 
 def least_nats(length_px: float) -> float:
@@ -38,8 +37,8 @@ def shows_in_parts(grey: np.ndarray, *, scale: float, parameters: np.ndarray, le
     for row, column in np.ndindex(2, 2):
         part = grey[row * height : (row + 1) * height, column * width : (column + 1) * width]
         found = frequencies(*part.shape)
-        power = found.periodogram(part / scale).astype(np.float32)
-        is_empty = float(power[found.fitted].max()) < _TINY
+        power = found.power(part / scale)
+        is_empty = power is None
         nats.append(0.0 if is_empty else blur_nats(found, power, parameters, lens_std_px=lens_std_px, whole=False))
     return sorted(nats)[-2] >= _BLUR_NATS / 2
 

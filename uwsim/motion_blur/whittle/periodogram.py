@@ -18,6 +18,7 @@ LOWEST_CYCLES = 3.0
 CELL_FREQUENCY = 1 / 85
 # bins; what leaks from the steep lower frequencies into the zeros moves them: cut at 2, lengths come out 2 sd short
 _LEAKAGE_REACH = 8
+_TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,11 @@ class Frequencies:
 
         centred = grey - (self.taper * grey).sum() / self.taper.sum()
         return np.abs(fft.rfft2(self.taper * centred)) ** 2 / (self.taper**2).sum()
+
+    def power(self, grey: np.ndarray) -> np.ndarray | None:
+        """Return the periodogram in single precision; None where a picture shows nothing at the fitted frequencies."""
+        power = self.periodogram(grey).astype(np.float32)
+        return None if float(power[self.fitted].max()) < _TINY else power
 
     def leak(self, density: np.ndarray) -> np.ndarray:
         """Return the mean of the periodogram of a density (H, W // 2 + 1): neighbours mix through the taper."""

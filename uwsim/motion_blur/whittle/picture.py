@@ -91,8 +91,8 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     """
     found = frequencies(*grey.shape)
     scale = float(grey.std())
-    power = found.periodogram(grey / scale).astype(np.float32)
-    if float(power[found.fitted].max()) < _TINY:
+    power = found.power(grey / scale)
+    if power is None:
         return None
     limit_px = longest_length_px(grey.shape)
     hints_px = np.empty((0, 2)) if hints_px is None else np.asarray(hints_px, float)
