@@ -11,6 +11,8 @@ from uwsim.metrics.pose import rotation_error_deg, translation_error_percent
 from uwsim.pose import problems, solvers
 from uwsim.pose.affine_printed import third_row
 from uwsim.pose.levenberg import least_reprojection
+from uwsim.pose.polish import polished
+from uwsim.pose.reprojection import cost_of
 from uwsim.pose.solution import Status
 from uwsim.pose.solvers import (
     best,
@@ -315,6 +317,35 @@ def test_more_starts_find_what_two_miss():
     assert missed["never"] > 0.01
     with pytest.raises(ValueError, match="extra is 'often', allowed: needed"):
         best.solve(placed.points_m, points, extra="often")
+
+
+def test_best_where_points_almost_touch_the_camera():
+    """Ten points from 1 cm on. Control: the same problems are not solved by one start in every case."""
+    rng = np.random.default_rng(8)
+    box_m = np.array([[-0.5, -0.5, 0.01], [0.5, 0.5, 1.01]])
+    placed = problems.random_points(points=10, count=1000, rng=rng, box_m=box_m)
+    points = problems.images(placed, focal_px=500.0, noise_px=0.2, rng=rng)
+    _, _, cost = least_from_the_truth(placed, points)
+    assert np.mean(~(best.solve(placed.points_m, points).cost <= cost * (1 + 1e-6))) == 0
+    assert np.mean(~(paraperspective_lm.solve(placed.points_m, points).cost <= cost * (1 + 1e-6))) > 0.01
+
+
+def test_refinement_does_not_leave_a_pose_for_a_worse_one():
+    """From true poses with a point at 1/50 of the target's distance. Control: a start behind the camera is moved."""
+    rng = np.random.default_rng(3)
+    box_m = np.array([[-0.5, -0.5, 0.01], [0.5, 0.5, 0.03]])
+    near = problems.random_points(points=1, count=300, rng=rng, box_m=box_m)
+    far = problems.random_points(points=9, count=300, rng=rng)
+    points_m = np.concatenate([near.points_m @ near.rotation.mT, far.points_m @ far.rotation.mT], axis=1)
+    points_m += np.concatenate([near.translation_m[:, None], np.repeat(far.translation_m[:, None], 9, axis=1)], axis=1)
+    points = points_m[..., :2] / points_m[..., 2:] + rng.normal(0, 4e-4, (300, 10, 2))
+    rotation, translation_m = np.tile(np.eye(3), (300, 1, 1)), np.zeros((300, 3))
+    given = cost_of(rotation, translation_m, points_m, points)
+    _, _, cost = polished(rotation, translation_m, points_m, points)
+    assert np.all(cost <= given)
+    behind_m = translation_m - [0, 0, 0.1]
+    assert np.all(np.isinf(cost_of(rotation, behind_m, points_m, points)))
+    assert np.isfinite(polished(rotation, behind_m, points_m, points)[2]).mean() > 0.99
 
 
 class TestFlat:

@@ -29,15 +29,6 @@ def weak_perspective_start(centred: Centred) -> Poses:
     return _start(centred, np.zeros((len(centred.image), 2)))
 
 
-def in_front(rotation: np.ndarray, translation: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return translations (B, 3), moved away along the line of sight where points (B, n, 3) come near the camera."""
-    nearest = (target @ rotation[:, 2, :, None])[..., 0].min(axis=1)
-    depth = translation[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where((depth > 0) & (depth + nearest < 0.1 * depth), -nearest / (0.9 * depth), 1.0)
-    return translation * factor[:, None]
-
-
 def _start(centred: Centred, tilt: np.ndarray) -> Poses:
     """Return poses of the affine camera whose D has -tilt (B, 2) as its last column."""
     middle = centred.image.mean(axis=1)

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from uwsim.pose.affine import in_front, paraperspective_start
+from uwsim.pose.affine import paraperspective_start
 from uwsim.pose.batches import Centred, Poses, least_of
 from uwsim.pose.levenberg import STEPS, least_reprojection
+from uwsim.pose.reprojection import cost_of
 
 NEARLY_FLAT = 0.1
 """Spread across the plane, as a share of the whole, below which both starts of a flat target are tried."""
@@ -19,9 +20,24 @@ def refined(start: Poses, centred: Centred, *, steps: int = STEPS) -> tuple[Pose
     rotation = np.where(none[:, None, None], np.eye(3), start.rotation)
     translation = np.where(none[:, None], [0, 0, -1e6], start.translation)
     rotation, translation, cost = least_reprojection(
-        rotation, in_front(rotation, translation, centred.target), centred.target, centred.image, steps=steps
+        rotation, _in_front(rotation, translation, centred), centred.target, centred.image, steps=steps
     )
     return Poses(rotation, translation), cost
+
+
+def _in_front(rotation: np.ndarray, translation: np.ndarray, centred: Centred) -> np.ndarray:
+    """Return translations (B, 3), moved away along the line of sight where points are behind or near the camera.
+
+    A pose that shows such points better than the moved one stays: it may be the one that is sought.
+    """
+    depth, nearest = translation[:, 2], (centred.target @ rotation[:, 2, :, None])[..., 0].min(axis=1)
+    near = np.flatnonzero((depth > 0) & (depth + nearest < 0.1 * depth))
+    given, target, image = translation[near], centred.target[near], centred.image[near]
+    away = given * (-nearest / (0.9 * np.where(depth > 0, depth, 1)))[near, None]
+    better = cost_of(rotation[near], away, target, image) < cost_of(rotation[near], given, target, image)
+    moved = translation.copy()
+    moved[near[better]] = away[better]
+    return moved
 
 
 def starts_of(found: Poses) -> list[Poses]:
