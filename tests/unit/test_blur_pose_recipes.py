@@ -66,6 +66,17 @@ def test_the_other_pose_sets_can_be_drawn(name):
         assert ("rig" in drawn.moment) == name.startswith("stereo")
 
 
+def test_the_tables_whole():
+    """Expected: the places and orientations of the full set, all combinations."""
+    known, full = (
+        {key: {tuple(value) for value in values} for grid in load_recipe(name)[0].group[0].grid
+         for key, values in grid.set.items()}
+        for name in ("pose_tables", "pose_tank")
+    )  # fmt: skip
+    assert known == full
+    assert len(frames_of(load_recipe("pose_tables")[0], "bipyramid")) == 13 * 90
+
+
 def test_the_benchmark_of_poses_has_the_tables_rows():
     """Expected: 13 places, each in the same six orientations of the ninety, places as in the full set; each other
     group can be drawn."""

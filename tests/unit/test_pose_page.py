@@ -106,7 +106,8 @@ def test_a_result_of_another_dataset_has_a_page_too(tmp_path):
     renamed = {case: one | {"group": "markers"} for case, one in CONDITIONS.items()}
     other = dataclasses.replace(result, provenance=result.provenance | {"conditions": renamed})
     text = page.write(tmp_path / "pose", result=other, dataset=None).read_text()
-    assert "Not measured" in text and "distance.png" not in text
+    assert "## In short" in text and "distance.png" not in text
+    assert "Table 5.1" not in text and "## Motion" not in text
 
 
 @pytest.mark.parametrize("task", ["pose"])

@@ -28,27 +28,31 @@ def text(study: PictureStudy, *, drawn: bool) -> str:
     """Return the page."""
     origin, known = study.result.provenance, printed()
     parts = [
-        "# Poses from pictures", _INTRODUCTION,
+        "# Poses from pictures", _INTRODUCTION.format(benchmark=study.result.benchmark),
         f"{origin['cases']} cases of the dataset {origin['dataset']['name']}, seed {origin['dataset']['seed']}."
         + (" **A quick run**: goals are judged on few cases." if origin["quick"] else ""),
         "## Goals", goal_table(goals.of_pictures(known, study)),
-        "## Tables 5.1 to 5.5", _TABLES, *_beside(known, study),
+        *_section("In short", _STATISTICS, tables.in_short(study)),
+        *_section("Tables 5.1 to 5.5", _TABLES, *_beside(known, study)),
         f"![Errors over the distance]({figures.NAME})" if drawn else "",
-        "### Claims on real pictures", _claims(known, study),
-        "## Turbidity and restoration", "Medians of errors, means of shares.", tables.turbidity(study),
-        tables.turbid_distances(study),
-        "## Ports", _PORTS, tables.ports(study),
-        "## Motion", "The blur is estimated from the picture (`whittle`) and taken out by `wiener` before detection.",
-        tables.motion(study),
-        "## Which sphere is which", _NAMES, tables.names(study),
+        "## Claims on real pictures", _claims(known, study),
+        *_section("Turbidity and restoration", _STATISTICS, tables.turbidity(study), tables.turbid_distances(study)),
+        *_section("Ports", _PORTS, tables.ports(study)),
+        *_section("Motion", _MOTION, tables.motion(study)),
+        *_section("Which sphere is which", _NAMES, tables.names(study)),
         "## How it is measured", _METHOD, *[f"- {note}." for note in origin["cameras"]],
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
+def _section(heading: str, words: str, *tables_: str) -> list[str]:
+    """Return the parts of a section; none where the result has no cases for its tables."""
+    return [f"## {heading}", words, *tables_] if any(tables_) else []
+
+
 def _beside(known: Printed, study: PictureStudy) -> list[str]:
     if not study.cases(group=TABLES):
-        return ["Not measured: the dataset has no group of that name."]
+        return []
     parts = []
     for table in known.table:
         for quantity, words in (("rotation_deg", "rotation [deg]"), ("translation_percent", "translation [%]")):
@@ -64,8 +68,12 @@ def _claims(known: Printed, study: PictureStudy) -> str:
 
 
 _INTRODUCTION = """Where a body stands, from rendered underwater pictures of its spheres and markers: detection, names
-and pose together. Made by `uwsim bench pose --out DIR`; all numbers are in `pose.json.gz` (one record per case, method
-and metric), the printed ones in `benchmarks/printed/pose.toml`."""
+and pose together. Made by `uwsim bench {benchmark} --out DIR`; all numbers are in `pose.json.gz` (one record per
+case, method and metric), the printed ones in `benchmarks/printed/pose.toml`."""
+
+_STATISTICS = "Medians of errors, means of shares."
+
+_MOTION = "The blur is estimated from the picture (`whittle`) and taken out by `wiener` before detection."
 
 _TABLES = """Printed: means of 90 real pictures each, of a layout, a camera and a light that the dissertation does not
 state. Here: rendered pictures of six spheres on a square bipyramid of 80 mm edges behind a flat port, in weak light,

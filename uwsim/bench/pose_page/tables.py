@@ -46,14 +46,22 @@ def beside_printed(table: Table, study: PictureStudy, quantity: str) -> str:
 
 
 def _by(study: PictureStudy, groups: Iterable[tuple[str, list[str]]], methods: Iterable[str], what: str) -> str:
-    """Return a table of _COLUMNS, a row for each group of cases and method; groups without cases are left out."""
+    """Return a table of _COLUMNS, a row for each method and group that has cases; empty if none has."""
     rows = []
     for words, cases in groups:
         for method in study.shown(*methods) if cases else ():
             numbers = [shown(study.summary(method, metric, cases), 2) for metric in _COLUMNS]
             rows.append([words, title(method), str(len(cases)), *numbers])
             words = ""
-    return markdown_table([what, "solver", "cases", *_COLUMNS.values()], rows, texts=2) if rows else "Not measured."
+    return markdown_table([what, "solver", "cases", *_COLUMNS.values()], rows, texts=2) if rows else ""
+
+
+def in_short(study: PictureStudy) -> str:
+    """Return what ignoring the port, a pinhole in water and the port itself give, by group."""
+    groups = dict.fromkeys(one["group"] for one in study.conditions.values())
+    return _by(
+        study, [(title(group), study.cases(group=group)) for group in groups], (IGNORING, BEST, REFINED), "group"
+    )
 
 
 def turbidity(study: PictureStudy) -> str:
@@ -107,7 +115,7 @@ def names(study: PictureStudy) -> str:
             rows.append([words, how, str(len(cases)), shown(poses, 1), shown(right, 1), *errors])
             words = ""
     head = ["group", "told apart", "cases", "poses [%]", "names right [%]", "rotation [deg]", "translation [%]"]
-    return markdown_table(head, rows, texts=2) if rows else "Not measured."
+    return markdown_table(head, rows, texts=2) if rows else ""
 
 
 def _still(study: PictureStudy) -> list[str]:
