@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from uwsim.bench.blur.strata import strata
 from uwsim.bench.blur_page import figures, goals, tables
 from uwsim.bench.blur_page.study import DECONVOLVER, Study
-from uwsim.bench.judged import shown
+from uwsim.bench.judged import NONE, shown
 from uwsim.bench.records import markdown_table
 from uwsim.bench.study import title
 
@@ -100,6 +101,7 @@ def _sharp(study: Study) -> str:
         return "No sharp frame was made."
     groups = {f"{len(cases)} frames": cases}
     groups |= tables.groups_of(study, "noise_percent", cases, lambda value: f"noise {value:g} %")
+    groups |= tables.groups_of(study, "texture", cases, title)
     return tables.by_group(study, groups, lambda name, some: study.mean(name, "sharp_called_blurred_percent", some),
                            methods=study.methods, places=0)  # fmt: skip
 
@@ -135,25 +137,26 @@ def deconvolution(study: Study) -> str:
                 methods=[name for name in study.methods if name != study.raw], places=0)
             for noise, groups in by_length.items()
         ),
-        "PSNR with an estimated blur above that with the true one [dB], without borders: median, 10th percentile:",
-        _losses(study),
+        "PSNR with an estimated blur above that with the true one [dB], without borders. By noise, median and 10th "
+        "percentile:",
+        _losses(study, "noise_percent", lambda noise: f"noise {noise:g} %", lambda lost: (
+            ", ".join(f"{value:+.2f}" for value in np.quantile(lost, (0.5, 0.1))))),
+        "By length, mean: what an estimator calls no blur is left as it is, and loses all of the gain:",
+        _losses(study, "length_px", lambda length: f"{length:g} px", lambda lost: f"{np.mean(lost):+.2f}"),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part)
 
 
-def _losses(study: Study) -> str:
+def _losses(study: Study, key: str, words: Callable, written: Callable[[np.ndarray], str]) -> str:
+    """Return what estimated blurs cost, by a condition of the cases; `written` makes a cell of the losses [dB]."""
+    groups = tables.groups_of(study, key, study.cases(), words)
     rows = []
     for name, variant in study.definition.get("variants", {}).items():
         if name not in study.methods or variant["algorithm"] not in study.methods or not variant["blur_from"]:
             continue
-        cells = []
-        for noise in study.steps("noise_percent"):
-            lost = goals.loss(study, variant["algorithm"], name, study.cases(noise_percent=noise))
-            cells.append(", ".join(f"{value:+.2f}" for value in np.quantile(lost, (0.5, 0.1))) if lost.size else "-")
-        rows.append([title(name), *cells])
-    if not rows:
-        return "No method took part with an estimated blur."
-    return markdown_table(["method", *(f"noise {noise:g} %" for noise in study.steps("noise_percent"))], rows)
+        losses = [goals.loss(study, variant["algorithm"], name, cases) for cases in groups.values()]
+        rows.append([title(name), *(written(lost) if lost.size else NONE for lost in losses)])
+    return markdown_table(["method", *groups], rows) if rows else "No method took part with an estimated blur."
 
 
 def deconvolution_figures(study: Study, folder: Path) -> None:
