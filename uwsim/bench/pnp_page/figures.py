@@ -14,6 +14,20 @@ LABELS = {
 }  # fmt: skip
 _UNITS = {"rotation": "rotation error [deg]", "translation": "translation error [%]"}
 _LOWEST, _HIGHEST = 1e-3, 2e2
+# as many colours as shapes have no common divisor: no two of the solvers look alike
+_COLOURS = (
+    "#d62728",
+    "#1f77b4",
+    "#2ca02c",
+    "#ff7f0e",
+    "#9467bd",
+    "#17becf",
+    "#8c564b",
+    "#e377c2",
+    "#7f7f7f",
+    "#bcbd22",
+)
+_MARKERS = "osv^<>DPX*h"
 
 
 def names(study: PoseStudy) -> dict[str, str]:
@@ -78,7 +92,7 @@ def _line(panel, study: PoseStudy, method: str, index: int, steps: list[float], 
         return
     oracle, own = method == study.oracle, method in (BEST, PRINTED)
     panel.plot(
-        steps, np.array(heights), label=name_of(method), color="k" if oracle else f"C{index % 10}",
-        linestyle="-" if own or oracle else ("-.", "--", ":")[index // 10],
-        linewidth=2.2 if own else 1.0, marker="o" if own else ".", markersize=4,
+        steps, np.array(heights), label=name_of(method), color="k" if oracle else _COLOURS[index % len(_COLOURS)],
+        linestyle="-" if own or oracle else "--", linewidth=2.2 if own else 1.0,
+        marker=_MARKERS[index % len(_MARKERS)], markersize=5 if own else 4,
     )  # fmt: skip
