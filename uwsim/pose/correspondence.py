@@ -15,6 +15,8 @@ _TRIPLES = 12
 _SAME_SHARE = 1e-3
 _MOST_POINTS = 24
 _FLATTEST = 0.05
+# pairs that have to agree before another is called a stranger; how rarely that is wrong; errors that are none
+_LEAST_AGREEING, _BY_CHANCE, _EXACT_SHARE = 6, 1e-3, 0.01
 
 
 class Match(NamedTuple):
@@ -50,7 +52,8 @@ def search(points_m: np.ndarray, seen: np.ndarray, *, within: float, least: int 
     """Return which of the body's points (n, 3) [m] are the normalised image points (m, 2) seen; None if that is open.
 
     `within`: distance on the plane z = 1 up to which they agree. Fewer than `least` that agree tell nothing: three fit
-    always, a fourth often. Points behind others need not be seen, and points may be seen that are none of the body's.
+    always, a fourth often. Points behind others need not be seen, and points may be seen that are none of the body's; a
+    pair that all others contradict is left out.
     ValueError for fewer than 4 or more than 24 points of the body.
     """
     points_m, seen = np.asarray(points_m, float), np.asarray(seen, float).reshape(-1, 2)
@@ -73,7 +76,7 @@ def search(points_m: np.ndarray, seen: np.ndarray, *, within: float, least: int 
         return None
     best = fullest[0]
     rivals = {_name(one, same) for one in fullest if one.cost <= 16 * best.cost} - {_name(best, same)}
-    return best._replace(rivals=len(rivals))
+    return _without_strangers(best, points_m, seen, within)._replace(rivals=len(rivals))
 
 
 def symmetries(points_m: np.ndarray) -> np.ndarray:
@@ -178,6 +181,32 @@ def _pairs(rotation, translation_m, points_m, seen, within: float) -> Match:
     if not np.all(camera[:, 2] > 0):
         return match
     return nearest(camera[:, :2] / camera[:, 2:], seen, within=within)
+
+
+def _without_strangers(match: Match, points_m: np.ndarray, seen: np.ndarray, within: float) -> Match:
+    """Return the match less pairs that all others together contradict: a point half hidden, or two seen as one.
+
+    The pair without which the rest agrees best goes if noise alone would show that once in a thousand bodies.
+    Source: the F test of two coordinates left out, times the number of pairs.
+    """
+    from scipy.stats import f
+
+    from uwsim.pose.solvers import best
+
+    while len(match.body) > _LEAST_AGREEING:
+        count = len(match.body)
+        others = np.array([np.delete(np.arange(count), at) for at in range(count)])
+        whole = best.solve(points_m[None, match.body], seen[None, match.seen]).cost[0]
+        without = best.solve(points_m[match.body[others]], seen[match.seen[others]]).cost
+        stranger = int(np.nanargmin(without)) if np.any(np.isfinite(without)) else 0
+        left, freedom = without[stranger], 2 * count - 8
+        if not (whole > count * (_EXACT_SHARE * within) ** 2 and left < whole):
+            break
+        if count * f.sf((whole - left) / 2 / (left / freedom), 2, freedom) > _BY_CHANCE:
+            break
+        kept = others[stranger]
+        match = match._replace(body=match.body[kept], seen=match.seen[kept], cost=float(left / len(kept)))
+    return match
 
 
 def _name(match: Match, same: np.ndarray) -> tuple:
