@@ -10,6 +10,7 @@ from uwsim.camera.lens import Lens
 from uwsim.metrics.pose import rotation_error_deg, translation_error_percent
 from uwsim.pose import problems
 from uwsim.pose.refine import refine
+from uwsim.pose.solution import Status
 from uwsim.pose.solvers import best, pinhole_ignoring_port, port_refined
 
 LENS = Lens(
@@ -96,8 +97,43 @@ def test_points_count_by_their_covariance():
     assert moved[0] > 0.1
 
 
+def test_status_and_the_other_pose_are_handed_on():
+    """Expected: a line is degenerate; a flat target's second pose costs more and is a minimum. Control: solid targets
+    have none."""
+    line_m = np.linspace(-0.05, 0.05, 6)[:, None] * [1.0, 2, 3]
+    pixels, _ = LENS.project(line_m @ Rotation.random(random_state=2).as_matrix().T + [0, 0, 0.5])
+    assert solved(port_refined, pixels[None], line_m).status.tolist() == [Status.DEGENERATE]
+    flat_m = problems.layout("pl4", edge_m=0.1)
+    rotation, _, pixels = views(8, target_m=flat_m, seed=3)
+    found = solved(port_refined, pixels, flat_m)
+    known = np.isfinite(found.twin.cost_ratio)
+    assert known.sum() >= 4 and np.all(found.twin.cost_ratio[known] > 1)
+    again = found._replace(rotation=np.where(known[:, None, None], found.twin.rotation, np.eye(3)),
+                           translation_m=found.twin.translation_m, ok=known, twin=None)  # fmt: skip
+    stayed = refine(again, np.tile(flat_m, (8, 1, 1)), pixels, lens=LENS)
+    assert rotation_error_deg(stayed.rotation[known], found.twin.rotation[known]).max() < 1e-3
+    _, _, pixels = views(3)
+    assert np.all(np.isnan(solved(port_refined, pixels).twin.cost_ratio))
+
+
+def test_the_covariance_does_not_depend_on_the_start():
+    """From starts 0, 20 and 60 degrees off. Expected: the same information, that of `best` where there is no port."""
+    lens = Lens(K=LENS.K)
+    rotation, shift_m, _ = views(1)
+    pixels = lens.project(TARGET_M @ np.swapaxes(rotation, 1, 2) + shift_m[:, None])[0]
+    points = np.stack([pinhole_points(one, lens) for one in pixels])
+    plain = best.solve(TARGET_M[None], points)
+    expected = plain.information[0] * lens.K[0, 0] ** 2
+    for angle_deg in (0, 20, 60):
+        turn = Rotation.from_rotvec(np.radians(angle_deg) * np.array([0.6, 0.64, 0.48])).as_matrix()
+        found = refine(plain._replace(rotation=turn @ plain.rotation), TARGET_M[None], pixels, lens=lens)
+        assert found.information[0] == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
+
+
 def test_wrong_covariances_are_refused():
     _, _, pixels = views(1)
+    with pytest.raises(ValueError, match="noise is -1, allowed: 0 and above"):
+        solved(best, pixels).covariance(noise=-1)
     with pytest.raises(ValueError, match="covariance_px2 has shape"):
         solved(port_refined, pixels, covariance_px2=np.eye(2))
     with pytest.raises(ValueError, match="not positive definite"):

@@ -87,10 +87,10 @@ def _solid_rows(scaled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(divide="ignore", invalid="ignore"):
         p, q, r = (yy + root) / (total * root), -xy / (total * root), (xx + root) / (total * root)
         depth = 2 / total
-    first, second = scaled[:, 0], scaled[:, 1]
-    rows = np.stack(
-        [p[:, None] * first + q[:, None] * second, q[:, None] * first + r[:, None] * second], axis=1
-    )  # fmt: skip
+        first, second = scaled[:, 0], scaled[:, 1]
+        rows = np.stack(
+            [p[:, None] * first + q[:, None] * second, q[:, None] * first + r[:, None] * second], axis=1
+        )  # fmt: skip
     return depth, rows
 
 

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from uwsim.pose.reprojection import CHUNK, cost_of
-from uwsim.pose.solution import Solution, Status, Twin, accept, check_points
+from uwsim.pose.solution import LINE_SHARE, Solution, Status, Twin, accept, check_points
 
 FLAT_SHARE = 1e-6
 """Spread across the plane, as a share of the whole, below which a target counts as flat."""
 _SAME_SHARE = 1e-6
 _SAME_IMAGE = 1e-12
-# entries of rotations closer than this, about 3 deg: near-by minima of a target seen face-on count as one
-_SAME_POSE = 0.05
+SAME_POSE = 0.05
+"""Entries of rotations closer than this, about 3 deg: near-by minima of a target seen face-on count as one."""
 # above so many points a chunk holds fewer problems
 _CHUNK_POINTS = 16
 
@@ -101,7 +101,7 @@ def _kinds(
         + scatter[:, 1, 1] * scatter[:, 2, 2] - scatter[:, 1, 2] ** 2
         + scatter[:, 0, 0] * scatter[:, 2, 2] - scatter[:, 0, 2] ** 2
     )  # fmt: skip
-    off_line = minors > _SAME_SHARE**2
+    off_line = minors > LINE_SHARE**2
     flat = np.linalg.det(scatter) <= flat_share**2 * minors
     spread = np.abs(points - points.mean(axis=1, keepdims=True)).max(axis=(1, 2)) > _SAME_IMAGE
     return off_line & spread & _four_different(target), flat
@@ -139,7 +139,7 @@ def _twin(twin: tuple, pose: tuple, target: np.ndarray, points: np.ndarray) -> T
         costs = [cost_of(*(part[known] for part in found), target[known], points[known]) for found in (twin, pose)]
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio[known] = costs[0] / costs[1]
-    apart = np.abs(twin[0] - pose[0]).max(axis=(1, 2)) > _SAME_POSE
+    apart = np.abs(twin[0] - pose[0]).max(axis=(1, 2)) > SAME_POSE
     real = apart & np.isfinite(twin[0][:, 0, 0]) & ~np.isnan(ratio)
     rotation, translation = (np.where(_like(real, part), part, np.nan) for part in twin)
     return Twin(rotation, translation, np.where(real, ratio, np.nan))
@@ -165,7 +165,7 @@ def least_of(candidates: Poses, costs: np.ndarray, *, flat: bool) -> Poses:
     rotation[none], translation[none] = np.nan, np.nan
     if not flat or len(costs) < 2:
         return Poses(rotation, translation)
-    same = np.abs(candidates.rotation - rotation).max(axis=(2, 3)) <= _SAME_POSE
+    same = np.abs(candidates.rotation - rotation).max(axis=(2, 3)) <= SAME_POSE
     others = np.where(same, np.inf, costs)
     second = np.argmin(others, axis=0)
     twin = candidates.rotation[second, everyone], candidates.translation[second, everyone]

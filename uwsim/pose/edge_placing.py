@@ -19,7 +19,9 @@ def by_placed_edges(centred: Centred) -> Poses:
     everyone = np.arange(len(sight))
     ends = centred.target[everyone, first], centred.target[everyone, second]
     lines = sight[everyone, first], sight[everyone, second]
-    tilts = _tilts(_quartics(centred.target, sight, ends, lines, (first, second)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quartics = _quartics(centred.target, sight, ends, lines, (first, second))
+    tilts = _tilts(quartics)
     found = [_placed(centred, sight, ends, lines, tilts[:, place]) for place in range(_MINIMA)]
     return least(
         Poses(np.stack([one.rotation for one in found]), np.stack([one.translation for one in found])), centred
@@ -86,7 +88,8 @@ def _placed(centred: Centred, sight: np.ndarray, ends, lines, tilt: np.ndarray) 
     missing = ~(cosine + sine * tilt > 0)
     tilt = np.where(missing, 0.0, tilt)
     edge = np.linalg.norm(ends[1] - ends[0], axis=1)
-    nearer = edge / (sine * np.sqrt(1 + tilt**2))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        nearer = edge / (sine * np.sqrt(1 + tilt**2))
     start = nearer[:, None] * lines[0]
     before = _frame((sine * tilt)[:, None] * lines[1] - np.cross(lines[1], across))
     behind = _frame(ends[1] - ends[0])

@@ -19,7 +19,7 @@ _HALF_WIDTH_MODULES = 0.6
 _OUTLIER_MADS = 4.0
 # standard deviations of corners in rendered pictures over those that the scatter along the edges tells: what
 # `benchmarks/fits/marker_errors.py` finds on `pose_tuning`
-CORNERS_OVER_MODEL_STD = 2.5
+CORNERS_OVER_MODEL_STD = 2.1
 # lags up to which places along an edge are taken for correlated
 _CORRELATED_PX = 4.0
 # of places on a noise-free picture: interpolation
@@ -53,12 +53,13 @@ def refine_corners(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) ->
 def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int) -> np.ndarray:
     """Return covariances (4, 2, 2) [px^2] of corners as `refine_corners` gives them; NaN where an edge has no line.
 
-    From the scatter of each edge's places about its line, carried on to where it meets the next; places are worth as
-    many as their residuals are independent. Times `CORNERS_OVER_MODEL_STD` squared.
+    From the scatter of the edges' places about their lines, all four edges together, each carried on to where it meets
+    the next; places are worth as many as their residuals are independent. Times `CORNERS_OVER_MODEL_STD` squared.
     """
     corners = np.asarray(corners_px, dtype=float)
     _, half_width_px = _module_and_half_width(corners, modules)
     edges = [_edge_places(grey, corners[i], corners[(i + 1) % 4], half_width_px) for i in range(4)]
+    squares, worth_one = _scatter([edge for edge in edges if edge is not None])
     found = np.full((4, 2, 2), np.nan)
     for corner in range(4):
         before, after = edges[corner - 1], edges[corner]
@@ -69,7 +70,8 @@ def corner_covariances(grey: np.ndarray, corners_px: np.ndarray, *, modules: int
         if abs(np.linalg.det(back)) < 1e-6:
             continue
         inverse = np.linalg.inv(back)
-        variances = np.array([before.variance_at(before.length), after.variance_at(0.0)])
+        lines = (before, before.length), (after, 0.0)
+        variances = [edge.variance_at(place, squares=squares, worth_one=worth_one) for edge, place in lines]
         found[corner] = CORNERS_OVER_MODEL_STD**2 * inverse @ np.diag(variances) @ inverse.T
     return found
 
@@ -90,19 +92,35 @@ class _Edge(NamedTuple):
     along: np.ndarray
     outward: np.ndarray
 
-    def variance_at(self, distance: float) -> float:
-        """Return the variance of the line's offset at a distance along the edge. [px^2]"""
+    @property
+    def residuals(self) -> np.ndarray:
+        """Offsets (n,) from the line through the places; 0 where one has no weight."""
         slope, offset = _weighted_line(self.distances, self.offsets, self.weights)
+        return np.where(self.weights > 0, self.offsets - slope * self.distances - offset, 0.0)
+
+    def variance_at(self, distance: float, *, squares: float, worth_one: float) -> float:
+        """Return the variance of the line's offset at a distance along the edge, from `_scatter`. [px^2]"""
         shares = self.weights / self.weights.sum()
         middle = shares @ self.distances
         spread = shares @ (self.distances - middle) ** 2
-        residuals = self.offsets - slope * self.distances - offset
-        squares = shares @ residuals**2
-        independent = 1 / (shares @ shares) / _correlated_places(np.where(self.weights > 0, residuals, 0.0))
+        independent = 1 / (shares @ shares) / worth_one
         if not (independent > 2 and spread > 0):
             return np.nan
         lever = 1 + (distance - middle) ** 2 / spread
         return float(max(squares, _LEAST_VARIANCE_PX2) * lever / (independent - 2))
+
+
+def _scatter(edges: list[_Edge]) -> tuple[float, float]:
+    """Return the mean squared residual of edges [px^2], and how many neighbouring places are worth one.
+
+    One for all edges of a square: they share print, light and blur, and of the few places of one edge the scatter is
+    known to a factor only, which as a weight does more harm than none.
+    """
+    if not edges:
+        return np.nan, np.nan
+    found = [(edge.weights / edge.weights.sum(), edge.residuals) for edge in edges]
+    squares = [shares @ residuals**2 for shares, residuals in found]
+    return float(np.mean(squares)), float(np.mean([_correlated_places(residuals) for _, residuals in found]))
 
 
 def _correlated_places(residuals: np.ndarray) -> float:

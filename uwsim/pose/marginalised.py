@@ -5,6 +5,7 @@ import numpy as np
 from uwsim.pose.control_points import Controls, differences
 
 _STEPS = 3
+_FLOOR = 1e-14
 
 
 def likely_controls(
@@ -27,6 +28,7 @@ def likely_controls(
         pull = np.swapaxes(slope, 1, 2) @ weights
         normal = pull @ slope
         normal[:, range(kept), range(kept)] += least
+        _regular(normal)
         gradient = least * betas + (pull @ residual[..., None])[..., 0]
         betas = betas - np.linalg.solve(normal, gradient[..., None])[..., 0]
     _, residual, weights, along = _weights(betas, inner, outer, spare, controls)
@@ -40,6 +42,14 @@ def _weights(betas, inner, outer, spare, controls) -> tuple[np.ndarray, ...]:
     residual = (now**2).sum(axis=2) - controls.distances2
     along = 2 * np.einsum("bpc,bpck->bpk", now, outer)
     spread = (along / spare[:, None]) @ np.swapaxes(along, 1, 2)
-    pairs = spread.shape[1]
-    spread[:, range(pairs), range(pairs)] *= 1 + 1e-14
+    _regular(spread)
     return now, residual, np.linalg.inv(spread), along
+
+
+def _regular(matrices: np.ndarray) -> None:
+    """Keep matrices (B, k, k) from being singular: images in one point, targets a thousand times their size away."""
+    size = matrices.shape[1]
+    diagonal = matrices[:, range(size), range(size)]
+    matrices[:, range(size), range(size)] = (
+        (1 + _FLOOR) * diagonal + _FLOOR * diagonal.max(axis=1, keepdims=True) + 1e-300
+    )

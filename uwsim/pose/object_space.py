@@ -17,6 +17,8 @@ from uwsim.pose.levenberg import exponential, product
 from uwsim.pose.multistart import STARTS, from_starts, gathered, tetrahedral_rotations
 from uwsim.pose.reprojection import Errors
 
+_FLOOR = 1e-15
+
 
 class Form(NamedTuple):
     """Omega (B, 9, 9), scatter sum p p^T (B, 3, 3) and the matrix (B, 3, 9) that gives t of r."""
@@ -37,7 +39,9 @@ def form_of(centred: Centred) -> Form:
     # sum of Q_ac p_i and of Q_ac p_i p_j
     once = (flat @ points).reshape(count, 3, 9)
     twice = (flat @ squares).reshape(count, 3, 3, 3, 3).transpose(0, 1, 3, 2, 4).reshape(count, 9, 9)
-    translation = -np.linalg.solve(across.sum(axis=1), once)
+    # sights that are one and the same tell no distance, and are no reason to end
+    whole = across.sum(axis=1) + _FLOOR * sight.shape[1] * np.eye(3)
+    translation = -np.linalg.solve(whole, once)
     return Form(twice + np.swapaxes(once, 1, 2) @ translation, np.swapaxes(points, 1, 2) @ points, translation)
 
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from uwsim.camera.lens import Lens
 from uwsim.camera.port import Status
-from uwsim.pose.solution import Solution, accept
+from uwsim.pose.batches import SAME_POSE
+from uwsim.pose.solution import Solution, Twin, accept
 
 _TOLERANCE = 1e-14
 _UNSEEN_PX = 1e4  # stands for the error of a point that a pose takes out of the lens's sight
@@ -30,14 +31,14 @@ def refine(
             rotation[index], translation_m[index], points_m[index], pixels[index], lens, whitening[index]
         )
     rotation[~start.ok] = np.nan
-    found = accept(rotation, translation_m, points_m)
+    found = accept(rotation, translation_m, points_m, status=start.status)
     return found._replace(cost=cost, information=information)
 
 
 def least_refined(
     start: Solution, points_m: np.ndarray, pixels: np.ndarray, *, lens: Lens, covariance_px2: np.ndarray | None = None
 ) -> Solution:
-    """Return `refine` from the pose of `start` or, where it has one and that ends lower, from its twin."""
+    """Return `refine` from the pose of `start` and, where it has one, from its twin: the lower; the other as twin."""
     first = refine(start, points_m, pixels, lens=lens, covariance_px2=covariance_px2)
     if start.twin is None:
         return first
@@ -46,13 +47,24 @@ def least_refined(
     other = start._replace(rotation=rotation, translation_m=start.twin.translation_m.copy(), ok=has_twin)
     second = refine(other, points_m, pixels, lens=lens, covariance_px2=covariance_px2)
     lower = second.ok & ~(first.ok & (first.cost <= second.cost))
+    chosen, left = (_chosen(use, second, first) for use in (lower, ~lower))
+    apart = np.abs(chosen.rotation - left.rotation).max(axis=(1, 2)) > SAME_POSE
+    real = first.ok & second.ok & apart
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(real, left.cost / chosen.cost, np.nan)
+    twin = Twin(
+        np.where(real[:, None, None], left.rotation, np.nan), np.where(real[:, None], left.translation_m, np.nan), ratio
+    )
+    return chosen._replace(twin=twin)
+
+
+def _chosen(use: np.ndarray, one: Solution, other: Solution) -> Solution:
+    """Return the poses of `one` where `use` (B,), else of `other`."""
     fields = ("rotation", "translation_m", "ok", "status", "cost", "information")
-    chosen = {
-        name: np.where(lower.reshape(-1, *[1] * (getattr(first, name).ndim - 1)), getattr(second, name),
-                       getattr(first, name))
-        for name in fields
-    }  # fmt: skip
-    return first._replace(**chosen)
+    pairs = {name: (getattr(one, name), getattr(other, name)) for name in fields}
+    return other._replace(
+        **{name: np.where(use.reshape(-1, *[1] * (a.ndim - 1)), a, b) for name, (a, b) in pairs.items()}
+    )
 
 
 def _whitening(covariance_px2: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
@@ -93,5 +105,18 @@ def _refined(
     found = least_squares(
         errors, np.zeros(6), jac="3-point", method="lm", xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE
     )
-    unit = np.array([1.0, 1.0, 1.0, *[distance_m] * 3])
-    return *pose(found.x), float(2 * found.cost), found.jac.T @ found.jac / np.outer(unit, unit)
+    slope = found.jac / np.array([1.0, 1.0, 1.0, *[distance_m] * 3])
+    # by a turn of the pose found, not by the vector of the turn from the start
+    slope[:, :3] = slope[:, :3] @ np.linalg.inv(_turn_by_vector(found.x[:3]))
+    return *pose(found.x), float(2 * found.cost), slope.T @ slope
+
+
+def _turn_by_vector(vector: np.ndarray) -> np.ndarray:
+    """Return L (3, 3): exp[v + dv]x = exp[L dv]x exp[v]x for a small dv. Source: the left Jacobian of SO(3)."""
+    angle = np.linalg.norm(vector)
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-4:
+        return np.eye(3) + cross / 2
+    first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * cross + second * cross @ cross

@@ -7,8 +7,8 @@ import numpy as np
 
 from uwsim.pose.reprojection import cost_and_information
 
-# spread of points off a line below this share of their extent counts as none
-_COLLINEAR_SHARE = 1e-6
+LINE_SHARE = 1e-4
+"""Spread of points off a line, as a share of their extent, below which they count as on it: no camera sees less."""
 # an information matrix with a smaller ratio of its eigenvalues leaves part of the pose open
 _UNDETERMINED = 1e-14
 
@@ -18,8 +18,8 @@ class Status(IntEnum):
 
     OK = 0
     DEGENERATE = 1
-    """Target points on one line or, for solvers of four and more points, fewer than four different; or images in one
-    point: more than one pose fits."""
+    """Target points on one line, to 1e-4 of their extent, or, for solvers of four and more points, fewer than four
+    different; or images in one point: more than one pose fits."""
     WRONG_KIND = 2
     """A flat target for a solver of solid ones, or the other way round."""
     NO_POSE = 3
@@ -74,6 +74,8 @@ class Solution(NamedTuple):
             raise ValueError("covariance: the method gives no information matrix, allowed: one with image points")
         if noise is None and self.freedom <= 0:
             raise ValueError("covariance: 3 points leave no residuals, allowed: a given noise, or 4 points and more")
+        if noise is not None and not np.all(np.asarray(noise) >= 0):
+            raise ValueError(f"covariance: noise is {noise}, allowed: 0 and above")
         variance = self.cost / self.freedom if noise is None else np.broadcast_to(noise, self.ok.shape) ** 2
         return variance[:, None, None] * _inverse(self.information, self.translation_m)
 
@@ -119,7 +121,7 @@ def spread_out(points_m: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return where points (B, n, 3) do not lie on one line nor their images (B, n, 2) in one point."""
     target = np.linalg.svd(points_m - points_m.mean(axis=1, keepdims=True), compute_uv=False)
     image = np.abs(points - points.mean(axis=1, keepdims=True)).max(axis=(1, 2))
-    return (target[:, 1] > _COLLINEAR_SHARE * target[:, 0]) & (image > 1e-12)
+    return (target[:, 1] > LINE_SHARE * target[:, 0]) & (image > 1e-12)
 
 
 def accept(

@@ -1,7 +1,7 @@
 """EPnP: betas of control points from linear equations, without refinement.
 
-For 6 points and more exact points give the exact pose; for 4 and 5 the linear equations leave products out that are not
-zero.
+For 6 points and more exact points give the exact pose, but where two of 6 fall into one image (the tips of a bipyramid
+seen along its axis); for 4 and 5 the linear equations leave products out that are not zero. The cost tells.
 
 Source: Lepetit, Moreno-Noguer and Fua, IJCV 81(2), 2009; three control points for flat targets.
 """

@@ -10,7 +10,7 @@ import numpy as np
 
 from uwsim.pose.solution import Solution, Status, accept, check_points, spread_out
 
-MINIMUM_POINTS = 2
+MINIMUM_POINTS = 3
 PLANAR_OK = True
 NEEDS = ()
 
@@ -21,7 +21,7 @@ CAMERA_FROM_TARGET = np.diag([1.0, -1.0, -1.0])
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    Points on one line, images in one point, points behind the camera: not ok. Fewer than 2 points, NaN or
+    Points on one line, images in one point, points behind the camera: not ok. Fewer than 3 points, NaN or
     other shapes: ValueError.
     """
     points_m, points = check_points(points_m, points, minimum=MINIMUM_POINTS, where="frontal")

@@ -3,8 +3,8 @@
 `form="pairs"`: w_ij = d_ij^2 / m_ij of each pair of control points, d_ij its distance and m_ij that of its images (at
 the start's pose). `form="as_printed"`: w_ij = d_i^2 / (z^2 m_o m_i) of 5.30, which names the first control point of the
 pair alone: d_i and m_i its distance from the target's origin in space and image, m_o the origin's from the optical
-axis, z its depth. Where that is 0 by 0 or by nothing (origin at the centroid's control point, or on the axis) there is
-no pose.
+axis, z its depth. They are those of the start's pose: only where that is exact, and the origin on the optical axis or
+seen where the first control point of a pair is, does it divide by 0 and give no pose.
 
 No gain over `parallel` should be expected: the residual is a squared length whose variance is not the square of a
 product of rates, and the pairs' errors go together; `parallel_covariance` has the weights that follow from the noise.
@@ -57,14 +57,14 @@ def _of_pairs(pose: Poses, controls: Controls, centred: Centred) -> np.ndarray:
 
 
 def _as_printed(pose: Poses, controls: Controls, centred: Centred) -> np.ndarray:
-    """Return d_i^2 / (z^2 m_o m_i); the centroid, the last of the control points, is never the first of a pair."""
+    """Return d_i^2 / (z^2 m_o m_i) of each pair; NaN where it divides by 0."""
     camera = in_camera(pose, controls)
     origin = (pose.rotation @ centred.origin[..., None])[..., 0] + pose.translation
     seen, of_origin = camera[..., :2] / camera[..., 2:], origin[:, :2] / origin[:, 2:]
     distance2 = ((controls.points - centred.origin[:, None]) ** 2).sum(axis=2)
     length = np.linalg.norm(seen - of_origin[:, None], axis=2)
     off_axis = np.linalg.norm(of_origin, axis=1)
+    first = PAIRS[camera.shape[1]][0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        weights = distance2 / (origin[:, 2:] ** 2 * off_axis[:, None] * length)
-    weights = weights[:, PAIRS[camera.shape[1]][0]]
+        weights = (distance2 / (origin[:, 2:] ** 2 * off_axis[:, None] * length))[:, first]
     return np.where(np.all(np.isfinite(weights), axis=1, keepdims=True), weights, np.nan)
