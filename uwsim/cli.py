@@ -370,6 +370,7 @@ def restore(
 
     if json not in (None, "-"):
         _parent(Path(json))
+        photographs.check_table(Path(json), images, out)
     with _progress() as report:
         rows = photographs.restore_photographs(method, images, out, report=report)
     if json is not None:
@@ -390,11 +391,12 @@ def deblur(
     angle_deg: Annotated[float | None, typer.Option(help="Its direction: x right, y up, modulo 180.")] = None,
     json: JsonOut = None,
 ) -> None:
-    """Undo the straight, uniform motion blur of photographs and print what it was taken to be."""
+    """Undo straight motion blur of photographs, tile by tile where it differs, and print what it was taken to be."""
     from uwsim import photographs
 
     if json not in (None, "-"):
         _parent(Path(json))
+        photographs.check_table(Path(json), images, out)
     with _progress() as report:
         rows = photographs.deblur_photographs(
             method, images, out, estimator=estimator, length_px=length_px, angle_deg=angle_deg, report=report

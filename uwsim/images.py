@@ -49,7 +49,7 @@ def decode(path: Path, flags: int) -> np.ndarray | None:
 
 
 def read_srgb(path: Path) -> np.ndarray:
-    """Read an 8-bit colour image file as (H, W, 3) uint8, R, G, B.
+    """Read an 8-bit colour image file as (H, W, 3) uint8, R, G, B, turned as its EXIF orientation says.
 
     Raises ValueError (one line) if the file is missing, empty, no image, grey, 16-bit or has an alpha channel.
     """
@@ -68,7 +68,8 @@ def read_srgb(path: Path) -> np.ndarray:
     if image.ndim != 3 or image.shape[2] != 3:
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise ValueError(f"{path}: got {channels} channel(s), allowed: 3 (R, G, B)")
-    return np.ascontiguousarray(image[..., ::-1])
+    # unchanged, OpenCV leaves a picture as the camera was held
+    return np.ascontiguousarray(decode(path, cv2.IMREAD_COLOR)[..., ::-1])
 
 
 def read_uint16(path: Path) -> np.ndarray:

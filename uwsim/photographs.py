@@ -38,6 +38,13 @@ def restore_photographs(method: str, images: list[Path], out: Path, *, report: R
     return rows
 
 
+def check_table(path: Path, images: list[Path], out: Path) -> None:
+    """Raise ValueError where a file of numbers would take the place of a photograph, or of what is written of it."""
+    taken = [*images, *(out / f"{image.stem}.png" for image in images)]
+    if over := [one for one in taken if one.resolve() == path.resolve()]:
+        raise ValueError(f"--json {path}: {over[0]} is a picture, allowed: another file")
+
+
 def restoration_table(rows: list[dict]) -> str:
     """Return the rows of `restore_photographs` as a Markdown table."""
     metrics = [key for key, value in rows[0].items() if isinstance(value, dict)]

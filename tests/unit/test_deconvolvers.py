@@ -528,6 +528,32 @@ class TestCommand:
         assert "b.png" in error
         assert not (tmp_path / "out").exists()
 
+    @pytest.mark.parametrize("table", ["a.png", "out/a.png"])
+    def test_the_table_does_not_take_the_place_of_a_picture(self, tmp_path, monkeypatch, capsys, table):
+        self.prepared(tmp_path)
+        before = (tmp_path / "a.png").read_bytes()
+        (tmp_path / "out").mkdir()
+        arguments = (tmp_path / "a.png", "--out", tmp_path / "out", "--json", tmp_path / table)
+        assert self.run(monkeypatch, "deblur", "wiener", *arguments, "--length-px", 4, "--angle-deg", 0) == 2
+        assert "is a picture, allowed: another file" in " ".join(capsys.readouterr().err.split())
+        assert (tmp_path / "a.png").read_bytes() == before and not list((tmp_path / "out").iterdir())
+
+    def test_a_photograph_is_turned_as_it_says(self, tmp_path):
+        """EXIF orientation 6: the camera was held upright. Control: without the tag it stays."""
+        import cv2
+
+        lying = np.zeros((32, 48, 3), np.uint8)
+        lying[:16] = 200
+        jpeg = cv2.imencode(".jpg", lying)[1].tobytes()
+        # TIFF header, one entry: tag 0x0112, short, one value
+        exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+        tagged = jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + jpeg[2:]
+        (tmp_path / "tagged.jpg").write_bytes(tagged)
+        (tmp_path / "plain.jpg").write_bytes(jpeg)
+        upright = read_srgb(tmp_path / "tagged.jpg")
+        assert upright.shape == (48, 32, 3) and upright[:, -8:].mean() > 150 and upright[:, :8].mean() < 50
+        assert read_srgb(tmp_path / "plain.jpg").shape == (32, 48, 3)
+
     def test_a_file_of_ones_own(self, tmp_path):
         self.prepared(tmp_path)
         (tmp_path / "mine.py").write_text("NEEDS = ()\ndef deblur(image):\n    return 255 - image\n")

@@ -217,6 +217,37 @@ class TestField:
         assert np.all(np.isfinite(found.displacement_px[1]))
         assert found.verdict[0, 0] == "no blur"
 
+    def test_tiles_without_detail_move_with_their_neighbours_and_tiles_at_rest_do_not(self):
+        """Nine tiles, one of them empty, one at rest. Control: without `fill` the empty one has no answer."""
+        large = texture(53, size_px=384, exponent=2.4)
+        moved = blur(large, length_px=8, angle_deg=30)
+        rest = np.s_[BORDER_PX + 256 :, BORDER_PX + 256 :]
+        moved[rest] = large[rest]
+        image = finished(moved, noise_std=0.003, seed=53)
+        image[:128, :128] = 0.25
+        found = field(image, tile_px=128, step_px=128, fill=True)
+        lengths = np.hypot(*np.moveaxis(found.displacement_px, -1, 0))
+        assert lengths[0, 0] == pytest.approx(8, abs=0.5) and found.verdict[0, 0] == "blur"
+        assert found.verdict[2, 2] == "no blur"
+        np.testing.assert_allclose(np.delete(lengths.ravel(), 8), 8, atol=0.5)
+        assert np.isnan(field(image, tile_px=128, step_px=128).displacement_px[0, 0, 0])
+
+    def test_the_estimators_field(self):
+        """One tile where all moves alike; tiles, filled, where it does not. A small picture has no tiles."""
+        found = whittle.field(frame(54, length_px=7, angle_deg=50))
+        assert found["centres_px"].tolist() == [[128, 128]] and found["verdict"].tolist() == ["blur"]
+        assert np.hypot(*found["displacement_px"][0]) == pytest.approx(7, abs=0.3)
+        large = texture(55, size_px=384, exponent=2.4)
+        moved = blur(large, length_px=5, angle_deg=20)
+        middle = large.shape[1] // 2
+        moved[:, middle:] = blur(large, length_px=12, angle_deg=110)[:, middle:]
+        found = whittle.field(finished(moved, noise_std=0.003, seed=55))
+        lengths = np.hypot(*found["displacement_px"].T)
+        across_px = found["centres_px"][:, 0]
+        assert len(lengths) == 25
+        assert np.median(lengths[across_px <= 128]) == pytest.approx(5, abs=0.3)
+        assert np.median(lengths[across_px >= 256]) == pytest.approx(12, abs=0.3)
+
     @pytest.mark.parametrize("tile_px, step_px", [(31, 8), (257, 8), (64, 0)])
     def test_refuses_tiles_that_do_not_fit(self, tile_px, step_px):
         with pytest.raises(ValueError, match="whittle field: got"):

@@ -25,7 +25,7 @@ def bound(
 
     `sharp`: the frame without blur, linear, (H, W[, C]), or what `spectrum_of_sharp` found of it; then `shape` (H, W)
     of the blurred frame is needed. `noise_std`: of all noise of the grey frame, in its units (8 bits add 1 / (255
-    sqrt(12)) in quadrature). ValueError on a length that is not positive or a noise_std below 0.
+    sqrt(12)) in quadrature). ValueError on a length that is not positive or a noise_std that is not.
     """
     if not (np.isfinite(length_px) and length_px > 0 and np.isfinite(angle_deg)):
         raise ValueError(f"bound: got length {length_px} px, angle {angle_deg} deg, allowed: finite, length > 0")

@@ -11,8 +11,6 @@ from uwsim.motion_blur.tiles import BlurField, deblur_tiles
 from uwsim.motion_blur.whittle import tiles as whittle_tiles
 
 LEFT_ALONE, UNIFORM = "left alone", "uniform"
-# a tile has this share of the shorter side, and at least these pixels; each is half a tile from the next
-_TILE_SHARE, _LEAST_TILE_PX = 1 / 4, 128
 
 
 @dataclass(frozen=True)
@@ -40,16 +38,15 @@ def one_blur(blur: Estimate) -> Way:
 def by_verdict(image: np.ndarray, blur: Estimate) -> Way:
     """Return the way to undo what `whittle` found of a linear image (H, W[, C]).
 
-    "no blur": none. "not uniform": tiles with blurs of their own (`whittle.tiles`), those without one left alone; in
+    "no blur": none. "not uniform": tiles with blurs of their own (`whittle.tiles`), those at rest left alone; in
     pictures too small for two tiles the one best blur.
     """
     if nothing_to_undo(blur) or getattr(blur, "verdict", "blur") != "not uniform":
         return one_blur(blur)
-    side = min(image.shape[:2])
-    tile_px = min(max(round(_TILE_SHARE * side), _LEAST_TILE_PX), side)
-    if max(image.shape[:2]) < 1.5 * tile_px:
+    tile_px = whittle_tiles.tile_size_px(image.shape)
+    if tile_px is None:
         return one_blur(blur)
-    found = whittle_tiles.field(image, tile_px=tile_px, step_px=tile_px // 2)
+    found = whittle_tiles.field(image, tile_px=tile_px, step_px=tile_px // 2, fill=True)
     displacements = np.where((found.verdict == "no blur")[..., None], 0.0, found.displacement_px).reshape(-1, 2)
     moved = int(np.count_nonzero(displacements.any(axis=1)))
     how = f"{moved} of {len(displacements)} tiles" if moved else LEFT_ALONE

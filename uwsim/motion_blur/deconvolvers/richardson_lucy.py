@@ -9,7 +9,7 @@ the expected error of each n: the best n is taken, and the picture left as it is
 Source: Richardson, J. Optical Society of America 62, 1972; Lucy, Astronomical J. 79, 1974; scikit-image
 `richardson_lucy`.
 Valid: one blur for the whole picture. The kernel is a line shared out among whole pixels and blurs a little more than
-the line itself: blurs under about 4 px gain next to nothing.
+the line itself: a blur of 2 px gains half a decibel at 1 % noise.
 """
 
 import numpy as np

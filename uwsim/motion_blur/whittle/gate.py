@@ -44,19 +44,24 @@ def shows_in_parts(grey: np.ndarray, *, scale: float, parameters: np.ndarray, le
 
 
 def blur_nats(
-    found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None, whole: bool = True
-) -> float:
+    found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None, whole: bool = True,
+    known_px: float | None = None,
+) -> float:  # fmt: skip
     """Return how much better [nats] a blur explains the cells than textures without one do.
 
     Rivals: a Gaussian roll-off that is any ellipse, which every blur is below its first zero; and a ridge, the fall
     1 / (1 + (pi L s)^2) of a texture with long straight edges, with a part that does not take part in it. Where the
-    cells are not those of the `whole` picture, the blur's share that does not move may be another one, too.
+    cells are not those of the `whole` picture, the blur's share that does not move may be another one, too. `known_px`:
+    the displacement is that of `parameters` to this standard deviation; None: it is open.
     """
     cells = found.cells
     power_of_cells = cells.mean(power[found.fitted].astype(float))
     held, loose = (model.prior(lens_std_px=lens_std_px, any_lens=free) for free in (False, True))
     for prior in (held, loose):
         prior[1][[STATIC, FILL]] = 0.0
+    told = (held[0].copy(), held[1].copy())
+    if known_px is not None:
+        told[0][[RIGHT, UP]], told[1][[RIGHT, UP]] = parameters[[RIGHT, UP]], 1 / known_px**2
     texture = np.array([NOISE, *range(TEXTURE.start, TEXTURE.stop)])
 
     def loss(starts, free, prior):
@@ -64,7 +69,7 @@ def blur_nats(
         return float(fit_cells(cells, power_of_cells, np.atleast_2d(starts), **options)[1].min())
 
     moving = [RIGHT, UP] if whole else [RIGHT, UP, STATIC]
-    blurred = loss(parameters, np.array([*moving, *texture]), held)
+    blurred = loss(parameters, np.array([*moving, *texture]), told)
     smooth = loss(_ellipses(parameters), texture, loose)
     short = np.hypot(parameters[RIGHT], parameters[UP]) < LENS_AND_RIDGE_PX
     ridged = loss(_ridges(parameters), np.array([RIGHT, UP, STATIC, *texture]), loose if short else held)

@@ -5,15 +5,26 @@ from typing import NamedTuple
 import numpy as np
 
 from uwsim.motion_blur.estimate import MINIMUM_SIDE_PX, SATURATED_SHARE, grey_from_image, is_constant, saturated_share
-from uwsim.motion_blur.whittle.picture import find
+from uwsim.motion_blur.whittle import model
+from uwsim.motion_blur.whittle.gate import blur_nats
+from uwsim.motion_blur.whittle.model import FILL, RIGHT, STATIC, UP
+from uwsim.motion_blur.whittle.picture import Found, find
 
 _SHORTEST_TILE_PX = 2 * MINIMUM_SIDE_PX
+# a tile has this share of the shorter side, and at least these pixels; each is half a tile from the next
+_TILE_SHARE, _LEAST_TILE_PX = 1 / 4, 128
+# tiles that show a blur of their own, as a share of all, before others are taken to move with them
+_MOVING_SHARE = 1 / 4
+# how much worse [nats] than a texture without a blur the neighbour's may explain such a tile
+_AS_WELL_NATS = 5.0
+# neighbours' displacements differ by this share of them, as a standard deviation
+_ALIKE_SHARE = 0.15
 
 
 class Field(NamedTuple):
     """The blur of R x C tiles.
 
-    Tiles that are constant or saturated have NaN displacement and covariance, and the verdict "no blur".
+    Tiles that are constant or saturated have NaN displacement and covariance, and the verdict "no blur", unless filled.
     """
 
     centres_px: np.ndarray  # (R, C, 2): x right, y down, pixel centres at integer + 0.5
@@ -22,11 +33,22 @@ class Field(NamedTuple):
     verdict: np.ndarray  # (R, C) of VERDICTS
 
 
-def field(image: np.ndarray, *, tile_px: int = 128, step_px: int = 64, lens_std_px: float | None = None) -> Field:
+def tile_size_px(shape: tuple[int, ...]) -> int | None:
+    """Return the side of the tiles that suit an image (H, W[, C]); None where it is too small for two."""
+    side = min(shape[:2])
+    tile_px = min(max(round(_TILE_SHARE * side), _LEAST_TILE_PX), side)
+    return None if max(shape[:2]) < 1.5 * tile_px else tile_px
+
+
+def field(
+    image: np.ndarray, *, tile_px: int = 128, step_px: int = 64, lens_std_px: float | None = None, fill: bool = False
+) -> Field:
     """Return the blur of square tiles of a linear image (H, W[, C]), each a `step_px` from the next.
 
-    Tiles also start from what the whole frame says; the errors grow as 1 / tile_px. ValueError as `estimate` for the
-    image, and where a tile does not fit into it or is under 32 px.
+    Tiles also start from what the whole frame says; the errors grow as 1 / tile_px. With `fill`, where a quarter of the
+    tiles show a blur, each of the others has that of the nearest of these, unless a texture at rest explains it better:
+    few details are no sign of rest where the camera moves. ValueError for images that are
+    constant, not finite or under 16 px, and where a tile does not fit into the image or is under 32 px.
     """
     grey = grey_from_image(image, where="whittle field")
     if not _SHORTEST_TILE_PX <= tile_px <= min(grey.shape):
@@ -42,6 +64,7 @@ def field(image: np.ndarray, *, tile_px: int = 128, step_px: int = 64, lens_std_
     shape = (len(tops), len(lefts))
     displacement, covariance = np.full((*shape, 2), np.nan), np.full((*shape, 2, 2), np.nan)
     verdict = np.full(shape, "no blur", dtype="<U11")
+    fits: dict[tuple[int, int], tuple[Found, np.ndarray]] = {}
     for index in np.ndindex(shape):
         inside = tuple(slice(start, start + tile_px) for start in (tops[index[0]], lefts[index[1]]))
         tile = grey[inside]
@@ -51,5 +74,36 @@ def field(image: np.ndarray, *, tile_px: int = 128, step_px: int = 64, lens_std_
         if found is not None:
             displacement[index], covariance[index] = found.displacement_px, found.covariance_px2
             verdict[index] = found.verdict
+            fits[index] = found, tile
     centres = np.stack(np.meshgrid(lefts, tops), axis=-1) + tile_px / 2
-    return Field(centres, displacement, covariance, verdict)
+    made = Field(centres, displacement, covariance, verdict)
+    return _filled(made, fits, lens_std_px) if fill else made
+
+
+def _filled(made: Field, fits: dict[tuple[int, int], tuple[Found, np.ndarray]], lens_std_px: float | None) -> Field:
+    from scipy.spatial import cKDTree
+
+    moving = made.verdict != "no blur"
+    if moving.sum() < _MOVING_SHARE * moving.size:
+        return made
+    known = np.argwhere(moving)
+    nearest = known[cKDTree(made.centres_px[moving]).query(made.centres_px)[1]]
+    displacement, covariance, verdict = (part.copy() for part in made[1:])
+    for index in map(tuple, np.argwhere(~moving)):
+        source = tuple(nearest[index])
+        if index in fits and _at_rest(*fits[index], made.displacement_px[source], lens_std_px):
+            continue
+        displacement[index], covariance[index] = made.displacement_px[source], made.covariance_px2[source]
+        verdict[index] = made.verdict[source]
+    return Field(made.centres_px, displacement, covariance, verdict)
+
+
+def _at_rest(found: Found, tile: np.ndarray, displacement_px: np.ndarray, lens_std_px: float | None) -> bool:
+    """Return whether a texture without a blur explains a tile better than this displacement (2,)."""
+    parameters = found.fit.parameters.copy()
+    parameters[[RIGHT, UP]] = displacement_px
+    parameters[[STATIC, FILL]] = model.prior()[0][[STATIC, FILL]]
+    power = found.frequencies.power(tile / found.scale)
+    known_px = _ALIKE_SHARE * float(np.linalg.norm(displacement_px))
+    nats = blur_nats(found.frequencies, power, parameters, lens_std_px=lens_std_px, known_px=known_px)
+    return nats < -_AS_WELL_NATS
