@@ -20,7 +20,7 @@ RMS_TO_BOUND = (0.9, 1.08)
 SMALL_BOUND_DEG = 5.0
 """Where the bound is larger, errors are not normal and it does not hold."""
 EXACT_PERCENT = 99.9
-EXACT = (BEST, "rpnp", "dls", "opnp")
+EXACT = (BEST, "dlt", "rpnp", "dls", "opnp")
 _NEAR_FOUR = "best_with_rpnp"
 
 
@@ -31,7 +31,7 @@ def of_solvers(study: PoseStudy) -> list[Goal]:
     return [
         *_exact(study), *_reproduced(study),
         _to_ml(study, BEST, TO_ML, study.far_enough(), "solid, from 1.5 edges on"),
-        _to_ml(study, BEST, HOLD_OUT_TO_ML, study.far_enough(use="hold_out"), "layouts apart"),
+        _to_ml(study, BEST, HOLD_OUT_TO_ML, study.far_enough(use="hold_out"), "solid, layouts apart"),
         _to_ml(study, BEST, NEAR_TO_ML, near[False], "near the camera, five points and more"),
         _to_ml(study, _NEAR_FOUR, NEAR_TO_ML, near[True], "near the camera, four points"),
         *_to_opnp(study), *_to_printed(study), *_robust(study), *_fast(study), _at_bound(study),
@@ -138,7 +138,7 @@ def _fast(study: PoseStudy) -> list[Goal]:
     peer = study.speed("opencv_sqpnp")
     goals = []
     for method, limit in TO_SQPNP.items():
-        text = f"{method}: CPU time by problem <= {limit:g} of a loop over OpenCV's SQPnP, n = 6"
+        text = f"{method}: CPU time by problem <= {limit:g} of `opencv_sqpnp`'s, n = 6"
         goals.append(_at_most(text, study.speed(method) / peer, limit, f"({study.speed(method):.1f} us)"))
     return goals
 
