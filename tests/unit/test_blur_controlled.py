@@ -293,6 +293,17 @@ def test_a_run_needs_no_dataset_and_can_be_quick_and_gone_on_with(tmp_path):
     names = ["gravel/sharp/0.5%", "gravel/sub_frames/10px/30deg/0.5%", "field/sharp/0.5%",
              "field/sub_frames/10px/30deg/0.5%"]  # fmt: skip
     assert list(result.provenance["conditions"]) == names
+    # the bound stands beside the scores, and is the one in them
+    scores = {(one.case, one.algorithm, one.metric): one.value for one in result.records}
+    for name, one in result.provenance["conditions"].items():
+        for quantity, unit in (("length", "px"), ("angle", "deg")):
+            found = [(scores[name, method, f"{quantity}_error_{unit}"],
+                      scores[name, method, f"{quantity}_error_to_bound_ratio"])
+                     for method in {record.algorithm for record in result.records}]  # fmt: skip
+            bound = one[f"{quantity}_bound_{unit}"]
+            assert (bound is None) == (one["length_px"] == 0)
+            for error, ratio in found if bound else ():
+                assert error == pytest.approx(0.6745 * bound * ratio, rel=1e-3)
     assert values(result, "length_error_px", names[1])["none"] == 10
     assert values(result, "failure_percent") == {"none": 100, "cepstrum_minimum": 0}
     assert values(result, "sharp_called_blurred_percent") == {"none": 0, "cepstrum_minimum": 100}

@@ -85,6 +85,11 @@ def summaries(dataset: Dataset, cases: list[str]) -> dict[str, list[str]]:
     return {"all": cases} | ({"uniform": uniform} if uniform else {})
 
 
+def conditions(dataset: Dataset, cases: list[str]) -> dict[str, dict]:
+    """Return what each case was like, and the bound on its length and angle."""
+    return estimates.with_bounds(strata.conditions(dataset, cases), lambda name: case(dataset, name).truth)
+
+
 TASK = Task(
     name="blur",
     package=estimators,
@@ -96,6 +101,6 @@ TASK = Task(
     score=score,
     summaries=summaries,
     details=estimates.DETAILS,
-    conditions=strata.conditions,
+    conditions=conditions,
     findings=strata.findings,
 )

@@ -44,6 +44,15 @@ class Truth:
         return standard_deviations(self.bound()) if self.length_px > 0 else (math.nan, math.nan)
 
 
+def with_bounds(conditions: dict[str, dict], truth_of: Callable[[str], Truth]) -> dict[str, dict]:
+    """Return what each case was like, with the bound on its length and angle, None for a frame that is sharp."""
+    found = {}
+    for name, one in conditions.items():
+        bounds = [float(f"{sd:.5g}") if math.isfinite(sd) else None for sd in truth_of(name).bound_sd]
+        found[name] = one | dict(zip(("length_bound_px", "angle_bound_deg"), bounds, strict=True))
+    return found
+
+
 def estimated(module: ModuleType, name: str, given: tuple[str, ...], case: Case) -> tuple[object, float]:
     """Return (the Estimate of a method, or its Refusal; milliseconds of the call, NaN for a refusal)."""
     where = f"blur: {name}: case {case.name}"

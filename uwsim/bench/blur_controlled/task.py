@@ -119,6 +119,11 @@ def _text(value: object, key: str) -> str:
     return f"{value:g} %" if key == "noise_percent" else str(value).replace("_", " ")
 
 
+def conditions_with_bounds(frames: Frames, cases: list[str]) -> dict[str, dict]:
+    """Return `conditions` with the bound on each frame's length and angle."""
+    return estimates.with_bounds(conditions(frames, cases), lambda name: case(frames, name).truth)
+
+
 TASK = Task(
     name="blur_controlled",
     package=estimators,
@@ -130,7 +135,7 @@ TASK = Task(
     score=score,
     summaries=summaries,
     details=estimates.DETAILS,
-    conditions=conditions,
+    conditions=conditions_with_bounds,
     findings=findings,
     frames=Frames,
 )

@@ -27,14 +27,6 @@ class Study(study.StudyByCondition):
         return MEDIAN_OVER_SD * float(np.sqrt(np.mean(found**2))) if found.size else math.nan
 
     def bound(self, case: str, quantity: str) -> float:
-        """Return the bound of a case, length [px] or angle [deg]: the largest error among the methods over its ratio.
-
-        NaN where no method has an error.
-        """
-        metric = {"length": "length_error_px", "angle": "angle_error_deg"}[quantity]
-        errors = {name: self.value(case, name, metric) for name in self.methods}
-        known = {name: error for name, error in errors.items() if error > 0}
-        if not known:
-            return math.nan
-        worst = max(known, key=known.get)
-        return known[worst] / self.value(case, worst, f"{quantity}_error_to_bound_ratio") / MEDIAN_OVER_SD
+        """Return the bound of a case, length [px] or angle [deg]; NaN for a frame that is sharp."""
+        found = self.conditions[case][{"length": "length_bound_px", "angle": "angle_bound_deg"}[quantity]]
+        return math.nan if found is None else found
