@@ -96,3 +96,4 @@ def test_the_benchmark_of_poses_has_the_tables_rows():
         scene = draw(recipe, frames_of(recipe, group.name)[-1], where=where).scene
         gaps_m[group.name] = scene.lens.port.gap_m if scene.lens.port else None
     assert gaps_m["thick_port"] > gaps_m["bipyramid_turbid"] > 0 and gaps_m["apriltag"] is None
+    assert gaps_m["apriltag_port"] == gaps_m["bipyramid_turbid"]

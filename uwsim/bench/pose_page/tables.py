@@ -69,7 +69,7 @@ def turbidity(study: PictureStudy) -> str:
     waters = list(dict.fromkeys(one["water"] for one in study.conditions.values()))
     groups = [(f"six spheres, {title(water)}", study.turbid(water)) for water in waters]
     groups += [(f"AprilTags, {title(water)}", study.cases(group=BOARDS, water=water)) for water in waters]
-    return _by(study, groups, (REFINED, *RESTORED), "water")
+    return _by(study, groups, (IGNORING, BEST, REFINED, *RESTORED), "water")
 
 
 def turbid_distances(study: PictureStudy) -> str:
@@ -84,10 +84,10 @@ def turbid_distances(study: PictureStudy) -> str:
 def ports(study: PictureStudy) -> str:
     """Return what a solver loses that takes a lens behind a port for a pinhole."""
     groups = []
-    for port in dict.fromkeys(one["port"] for one in study.conditions.values()):
-        cases = study.cases(port=port, group=tuple(_still(study)))
+    for port, marks in dict.fromkeys((one["port"], one["marks"]) for one in study.conditions.values()):
+        cases = study.cases(port=port, marks=marks, group=tuple(_still(study)))
         for aside in study.steps("off_axis_mm", cases):
-            groups.append((f"{port}, {aside} mm off the axis", [c for c in cases
+            groups.append((f"{port}, {marks}, {aside} mm off the axis", [c for c in cases
                           if study.conditions[c]["off_axis_mm"] == aside]))  # fmt: skip
     return _by(study, groups, (IGNORING, BEST, REFINED), "port")
 
