@@ -9,10 +9,11 @@ import numpy as np
 
 from uwsim.bench.blur.strata import strata
 from uwsim.bench.blur_page import figures, goals, tables
-from uwsim.bench.blur_page.study import DECONVOLVER, Study
+from uwsim.bench.blur_page.study import DECONVOLVER, OURS, Study
 from uwsim.bench.judged import NONE, shown
 from uwsim.bench.records import markdown_table
 from uwsim.bench.study import title
+from uwsim.metrics.blur import within_interval
 
 ERRORS, FAILURES = "errors_over_length.png", "failures.png"
 GAINS, RENDERED = "deconvolution.png", "rendered.png"
@@ -43,6 +44,7 @@ def controlled(study: Study) -> str:
         _fields(study),
         "Median error over 0.6745 of the bound, pictures, by length; those that repeat themselves apart:",
         *(_ratios(study, quantity) for quantity in ("length", "angle")),
+        "Errors within the 90 % intervals that `whittle` states [%]:", _covered(study),
         "Sharp frames called blurred by 2 px or more [%]:", _sharp(study),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part)
@@ -93,6 +95,24 @@ def _ratios(study: Study, quantity: str) -> str:
     groups |= {"repeating, all": repeating} if repeating else {}
     return tables.by_group(study, groups, lambda name, some: study.median(name, metric, some),
                            methods=study.methods, places=1, caption=quantity)  # fmt: skip
+
+
+def _covered(study: Study) -> str:
+    """Return how often the stated intervals hold the truth, by kind of texture."""
+    kinds = {
+        "pictures of the test": goals.pictures(study, use="test"),
+        "pictures for tuning": goals.pictures(study, use="tuning"),
+        "pictures that repeat themselves": [
+            case for case in study.cases(periodic=True) if study.conditions[case]["length_px"] > 0
+        ],
+        "Gaussian fields": [case for case in study.cases(gaussian=True) if study.conditions[case]["length_px"] > 0],
+    }  # fmt: skip
+    rows = []
+    for words, cases in kinds.items():
+        ratios = [study.values(OURS, f"{quantity}_error_to_sd", cases) for quantity in ("length", "angle")]
+        cells = [shown(100 * float(np.mean(within_interval(some))), 1) if some.size else NONE for some in ratios]
+        rows.append([words, str(len(cases)), *cells])
+    return markdown_table(["textures", "frames", "length", "angle"], rows)
 
 
 def _sharp(study: Study) -> str:
