@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import synthetic
 
-from uwsim.bench import blur, blur_deconvolution
+from uwsim.bench import blur, blur_deconvolution, blur_undone
 from uwsim.bench.blur import field, strata
 from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.records import markdown
 from uwsim.bench.run import run
+from uwsim.metrics.image import psnr
 from uwsim.motion_blur.estimate import Estimate
+from uwsim.motion_blur.estimators import whittle
 
 FRAME = "000002"
 ANGLE = math.radians(synthetic.BLUR_ANGLE_DEG)
@@ -232,6 +234,22 @@ def test_each_deconvolver_gets_the_true_blur_or_its_estimators(definition):
         case.blur("nobody")
 
 
+def test_rendered_frames_are_undone_as_the_command_does_it(dataset, tmp_path, monkeypatch):
+    """Setup: 8 px at 30 deg. Expected: with the label nearer to the sharp twin; what an estimator calls no blur is left
+    alone. Negative control: a picture made brighter is worse."""
+    code = "def deblur(image, *, blur):\n    return np.clip(image + np.float32(0.1), 0, 1)\nNEEDS = ('blur',)\n"
+    chosen = ["wiener", "wiener_whittle", user_file(tmp_path, code)]
+    monkeypatch.setattr(whittle, "estimate", lambda image: Estimate(8.0, 30.0, verdict="no blur"))
+    result = run("blur_undone", dataset, algorithms=chosen)
+    gains = values(result, "psnr_above_blurred")
+    assert gains["none"] == gains["wiener_whittle"] == 0
+    assert gains["wiener"] > 0.5 and gains["mine"] < 0
+    assert values(result, "left_alone_percent") == {"none": 100, "wiener": 0, "wiener_whittle": 100, "mine": 0}
+    assert values(result, "made_worse_percent") == {"none": 0, "wiener": 0, "wiener_whittle": 0, "mine": 100}
+    picture = blur_undone.case(dataset, FRAME)
+    assert values(result, "psnr")["none"] == pytest.approx(psnr(picture.truth, picture.image))
+
+
 def test_without_an_estimate_there_is_no_score_but_a_reason(definition, monkeypatch):
     monkeypatch.setattr(blur_deconvolution, "estimated", lambda *_: (Refusal("too bright"), math.nan))
     result = run(definition, quick=True)
@@ -249,7 +267,7 @@ def test_only_deconvolution_and_pose_take_blur_from_an_estimator(tmp_path):
         'task = "blur"\ndescription = "x"\ndataset = "tiny"\ndo_nothing = "none"\nquick_cases = 1\n[variants]\n'
         'other = { algorithm = "none", blur_from = "whittle" }\n'
     )
-    with pytest.raises(ValueError, match="other has blur_from, allowed: with tasks deconvolution and pose"):
+    with pytest.raises(ValueError, match="other has blur_from, allowed: with tasks deconvolution, deblurring, pose"):
         read_definition(str(path))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uwsim import commands
-from uwsim.bench import blur_deconvolution
+from uwsim.bench import blur_deconvolution, blur_undone
 from uwsim.bench.blur import TASK as RENDERED
 from uwsim.bench.blur_controlled.frames import Frames
 from uwsim.bench.blur_controlled.task import TASK as CONTROLLED
@@ -98,11 +98,25 @@ def rendered() -> Result:
     return made_up("blur", conditions, ESTIMATORS, scores, RENDERED.statistics)
 
 
+def undone() -> Result:
+    conditions = rendered().provenance["conditions"]
+    methods = ("none", "mmse", "mmse_whittle", "wiener_cepstrum_morphology")
+
+    def scores(method, condition, number):
+        gain = GAIN[method]
+        return {
+            "psnr": 25 + gain, "ssim": 0.8, "psnr_above_blurred": gain, "made_worse_percent": 100.0 * (gain < 0),
+            "left_alone_percent": 100.0 * (gain == 0), "uiqm_f": 0.5 + gain, "uciqe_o": 0.4, "milliseconds": 3.0,
+        }  # fmt: skip
+
+    return made_up("blur_undone", conditions, methods, scores, blur_undone.STATISTICS)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The page of all three benchmarks."""
+    """The page of all four benchmarks."""
     folder = tmp_path_factory.mktemp("page") / "blur"
-    for result in (controlled(), deconvolved(), rendered()):
+    for result in (controlled(), deconvolved(), rendered(), undone()):
         page.write(folder, result=result, dataset=None)
     return folder
 
@@ -129,6 +143,16 @@ def test_the_folder_holds_the_page_its_figures_and_all_records(folder, text):
     assert page.text(folder) == text
     assert "Not run" not in text
     assert max(map(len, text.split("\n\n"))) < 9000
+
+
+def test_rendered_frames_undone_stand_by_group_and_by_speed(text):
+    """Expected: gains by stratum, and the pictures as they are above what is made of them at each speed."""
+    section = text.partition("## Rendered frames undone")[2].partition("## The dissertation's tables")[0]
+    gains = rows_of(section.partition("PSNR above the picture")[2], "speed: arm_linear, 20 %")
+    assert gains[0] == ["speed: arm_linear, 20 %", "1", "0", "5", "4.99", "-2"]
+    at_speed = rows_of(text.partition("Undone, at these speeds")[2], "arm linear, 100 %")
+    assert [row[2] for row in at_speed] == ["none", "mmse", "mmse whittle", "wiener cepstrum morphology"]
+    assert [row[3] for row in at_speed] == ["25.00", "30.00", "29.99", "23.00"]
 
 
 def test_an_error_of_0_stands_at_the_floor_of_the_axis_marked(tmp_path):

@@ -14,6 +14,7 @@ from uwsim.bench.page.kernel import kernel_drawing
 from uwsim.bench.page.plots import optical_thickness
 from uwsim.bench.report import write_report
 from uwsim.bench.run import run
+from uwsim.bench.task import through_camera
 from uwsim.dataset.info import Blur
 
 ENVIRONMENT = {"versions": {"numpy": "2"}, "machine": {"cpu": "<one & only>", "features": ["a", "b"]}}
@@ -132,7 +133,7 @@ def test_the_blurred_frame_is_deblurred_with_the_estimated_kernel(full, dataset)
     before, after = scores_of(full, "as stored"), scores_of(full, "deblurred")
     assert after[0] > before[0] + 1 and after[1] > before[1]
     frame = dataset.frame("000002")
-    sharp = pictures.through_camera(frame, "sharp")
+    sharp = through_camera(frame, "sharp")
     assert before[0] == pytest.approx(restoration.picture_scores(sharp, frame.image)["psnr"], abs=0.006)
     drawing = full.partition("<b>true and estimated kernel</b>")[0].rpartition("<svg")[2]
     (half,) = {float(x) for x in re.findall(r"L(\S+) \S+?\" style=\"stroke:currentColor", drawing)}

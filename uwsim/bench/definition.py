@@ -14,6 +14,9 @@ MADE_FROM = {"blur_controlled": "frames", "deconvolution": "frames", "pnp": "pro
 """Tasks whose cases are made while the benchmark runs, and the table that says how."""
 
 
+_TAKE_BLUR = ("deconvolution", "deblurring", "pose")
+
+
 class Variant(BaseModel):
     """An algorithm file under another name: with keywords of its own, and for formation models fitted or not."""
 
@@ -42,7 +45,7 @@ class Definition(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     task: Annotated[
-        Literal["restoration", "blur", "pose", "validity", *MADE_FROM],
+        Literal["restoration", "blur", "deblurring", "pose", "validity", *MADE_FROM],
         Field(description="which kind of algorithm is scored"),
     ]
     description: Annotated[Name, Field(description="one sentence for tables and reports")]
@@ -82,8 +85,8 @@ class Definition(BaseModel):
                 raise ValueError(f"variants: {name} has restored_by, deblurred_by or labels, allowed: with task pose")
             if self.task == "pose" and (variant.deblurred_by is None) != (variant.blur_from is None):
                 raise ValueError(f"variants: {name}: deblurred_by and blur_from belong together with task pose")
-            if self.task not in ("deconvolution", "pose") and variant.blur_from is not None:
-                raise ValueError(f"variants: {name} has blur_from, allowed: with tasks deconvolution and pose")
+            if self.task not in _TAKE_BLUR and variant.blur_from is not None:
+                raise ValueError(f"variants: {name} has blur_from, allowed: with tasks {', '.join(_TAKE_BLUR)}")
             if self.task != "validity" and variant.fitted:
                 raise ValueError(f"variants: {name} is fitted, allowed: with task validity")
             if self.algorithms is not None and name not in self.algorithms:

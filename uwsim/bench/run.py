@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from uwsim import provenance
-from uwsim.bench import blur, pose, restoration, runner
+from uwsim.bench import blur, blur_undone, pose, restoration, runner
 from uwsim.bench import blur_deconvolution as deconvolution
 from uwsim.bench.blur_controlled import task as blur_controlled
 from uwsim.bench.definition import Definition, Variant, read_definition
@@ -25,7 +25,8 @@ from uwsim.files import sha256
 from uwsim.metrics import METRICS
 
 _TASKS = (
-    restoration.TASK, blur.TASK, blur_controlled.TASK, deconvolution.TASK, pose.TASK, pnp.TASK, validity.TASK,
+    restoration.TASK, blur.TASK, blur_controlled.TASK, deconvolution.TASK, blur_undone.TASK, pose.TASK, pnp.TASK,
+    validity.TASK,
 )  # fmt: skip
 TASKS: dict[str, Task] = {task.name: task for task in _TASKS}
 Progress = Callable[[str, int, int], None]

@@ -15,7 +15,7 @@ from uwsim.bench.runner import Makers
 from uwsim.camera import distortion, sensor_record
 from uwsim.camera.lens import Lens, lens_from_record
 from uwsim.camera.port import effective_focal_px
-from uwsim.camera.sensor import linear_from_radiance
+from uwsim.camera.sensor import expose_without_noise, linear_from_radiance
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.store import Dataset
 
@@ -84,6 +84,11 @@ def sensor_keywords(frame: Frame) -> dict:
 def linear_buffer(frame: Frame, name: str) -> np.ndarray:
     """Return a radiance buffer in the units of the decoded picture (1 = white), noise-free, not clipped."""
     return linear_from_radiance(frame.buffer(name), **sensor_keywords(frame))
+
+
+def through_camera(frame: Frame, name: str) -> np.ndarray:
+    """Return a radiance buffer as the frame's camera would store it without noise, (H, W, 3) uint8."""
+    return expose_without_noise(np.maximum(frame.buffer(name), 0), **sensor_keywords(frame))
 
 
 def lens_of(frame: Frame) -> Lens:

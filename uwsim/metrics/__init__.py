@@ -53,6 +53,7 @@ METRICS = {
         Metric("psnr_above_blurred", "dB", "higher"),
         Metric("psnr_inner", "dB", "higher"),
         Metric("made_worse_percent", "%", "lower"),
+        Metric("left_alone_percent", "%", "lower"),
         Metric("detected_percent", "%", "higher"),
         Metric("rotation_error_deg", "deg", "lower"),
         Metric("translation_error_percent", "%", "lower"),

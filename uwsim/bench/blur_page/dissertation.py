@@ -13,6 +13,7 @@ from uwsim.bench.restoration_page.printed import Table
 from uwsim.bench.restoration_page.printed import printed as printed_restoration
 from uwsim.bench.study import title
 
+_OF_SPEED = ("psnr", "ssim", "uiqm_f", "uciqe_o")
 NOT_COMPARED = """- The two pictures of tables 4.1 and 4.2 are not published with their crops: here other pictures of
   the nearest standard deviation stand for them, so only the course over the length can be compared, no level.
 - How they were blurred, whether noise was added, what was done at the borders, and whether the rows are means over
@@ -21,18 +22,21 @@ NOT_COMPARED = """- The two pictures of tables 4.1 and 4.2 are not published wit
 - No table has a length or an angle, so nothing printed answers to errors of the estimate; nor is the exposure time,
   the distance or the focal length given in chapter six, without which its speeds say nothing of a length in pixels.
 - UIQM and UCIQE of tables 6.5 and 6.6 see no blur, and white noise scores well in them (see the restoration page):
-  they stand here as printed and are held against nothing. The robot is a UR5 in one section, an Aubo-i5 in another.
+  they stand here as printed, with ours of other pictures below, and are held against nothing. The robot is a UR5 in one
+  section, an Aubo-i5 in another.
 - UFPDeblur (UFPNET, UFPNet) is a network for motion blur in general, neither underwater nor a transformer; its weights
   come in no package. The weights of the dissertation's own network are not published."""
 
 
-def parts(known: Printed, *, found: Found, deconvolution: Study | None) -> list[str]:
+def parts(known: Printed, *, found: Found, deconvolution: Study | None, undone: Study | None) -> list[str]:
     """Return the tables with the numbers found here, the claims, and what cannot be compared."""
     return [
         "### Tables 4.1 and 4.2", _stand_ins(known),
         *(_restored(known, picture, deconvolution) for picture in PICTURES),
         "### Tables 6.5 and 6.6", _speeds_words(found.rendered),
         *(_speeds(table, found.rendered) for table in printed_restoration().tables("6.5", "6.6")),
+        *(["Undone, at these speeds: PSNR and SSIM against the sharp twin, and the scores that the tables print, which "
+           "see no truth; as it is, then undone.", _undone_speeds(undone)] if undone is not None else []),
         "### Claims, one by one", _claims(known, found),
         "### What cannot be compared, and why", f"{NOT_COMPARED}\n{_contrast(known, deconvolution)}",
     ]  # fmt: skip
@@ -126,6 +130,20 @@ def _speeds(table: Table, study: Study | None) -> str:
             cells += [_errors(study, name, cases) for name in methods]
         rows.append([speed, *cells])
     return f"**Table {table.number}**, {table.title}\n\n{markdown_table(head, rows)}"
+
+
+def _undone_speeds(study: Study) -> str:
+    """Return scores by speed of the pictures as they are and undone, with their label and with `whittle`'s word."""
+    methods = [name for name in (study.raw, DECONVOLVER, f"{DECONVOLVER}_{OURS}", f"wiener_{PRINTED}")
+               if name in study.methods]  # fmt: skip
+    rows = []
+    for motion in sorted({one["motion"] for one in study.conditions.values() if one["speed_percent"] is not None}):
+        for speed in study.steps("speed_percent", study.cases(motion=motion)):
+            cases = study.cases(motion=motion, speed_percent=speed)
+            for method in methods:
+                scores = [shown(study.summary(method, metric, cases), 2) for metric in _OF_SPEED]
+                rows.append([f"{title(motion)}, {speed:g} %", str(len(cases)), title(method), *scores])
+    return markdown_table(["motion, speed", "frames", "method", "PSNR [dB]", "SSIM", "UIQM", "UCIQE"], rows, texts=1)
 
 
 def _errors(study: Study, method: str, cases: list[str]) -> str:

@@ -22,6 +22,7 @@ _MAIN = (
     "angle_error_to_bound_ratio", "refused_percent", "kept_failure_percent", "milliseconds",
 )  # fmt: skip
 _RESTORED = ("psnr", "ssim", "psnr_inner", "psnr_above_blurred", "made_worse_percent", "milliseconds")
+_UNDONE = ("psnr", "ssim", "psnr_above_blurred", "made_worse_percent", "left_alone_percent", "milliseconds")
 _GROUPS_SHOWN = ("group", "water", "speed")
 
 
@@ -213,6 +214,25 @@ def _by_stratum(study: Study, groups: dict[str, list[str]], metric: str, words: 
         for group, cases in groups.items()
     ]
     return f"{words}:\n\n{markdown_table(['frames of', 'number', *map(title, study.methods)], rows)}"
+
+
+def undone(study: Study) -> str:
+    """Return the section on rendered frames brought back to their sharp twins."""
+    groups, origin = strata(study.conditions), study.result.provenance
+    quick = ", a quick run" if origin["quick"] else ""
+    uniform = study.cases(uniform=True)
+    parts = [
+        "## Rendered frames undone",
+        f"{len(study.cases())} frames in motion of the dataset {origin['dataset']['name']}{quick}. A method's name "
+        f"alone: given the label, one straight motion; with an estimator's name: what that says. The row `{study.raw}` "
+        "is the picture as it is.",
+        tables.overview(study, _UNDONE, study.cases()),
+        "Uniform motion:" if uniform else "", tables.overview(study, _UNDONE, uniform) if uniform else "",
+        *(_by_stratum(study, groups, metric, words) for metric, words in (
+            ("psnr_above_blurred", "PSNR above the picture as it is [dB], median"),
+            ("made_worse_percent", "Made worse [%]"), ("left_alone_percent", "Left alone [%]"))),
+    ]  # fmt: skip
+    return "\n\n".join(part for part in parts if part)
 
 
 def rendered_figures(study: Study, folder: Path) -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 
 from uwsim.bench.page.markup import escape, figure, grid, paragraph, picture, section
-from uwsim.bench.page.pictures import layer_figures, through_camera
+from uwsim.bench.page.pictures import layer_figures
 from uwsim.bench.page.plots import optical_thickness
-from uwsim.bench.task import lens_of, pinhole_K, spread
+from uwsim.bench.task import lens_of, pinhole_K, spread, through_camera
 from uwsim.dataset.frame import Frame
 from uwsim.dataset.info import FrameInfo
 from uwsim.dataset.store import Dataset

@@ -7,10 +7,9 @@ from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.page.kernel import kernel_drawing
 from uwsim.bench.page.markup import cell, escape, figure, grid, paragraph, picture, section, sortable_table
 from uwsim.bench.page.methods import number_cell, runnable, scored_picture
-from uwsim.bench.page.pictures import through_camera
 from uwsim.bench.page.plots import legend, styles
 from uwsim.bench.records import Result
-from uwsim.bench.task import Case
+from uwsim.bench.task import Case, through_camera
 from uwsim.bench.undone import DECONVOLVER, ESTIMATOR, undone, way_of
 from uwsim.dataset.info import Blur
 from uwsim.dataset.store import Dataset

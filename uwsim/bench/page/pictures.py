@@ -3,18 +3,12 @@
 import numpy as np
 
 from uwsim.bench.page.markup import escape, figure, picture
-from uwsim.bench.task import sensor_keywords
-from uwsim.camera.sensor import expose_without_noise
+from uwsim.bench.task import through_camera
 from uwsim.dataset.frame import Frame
 from uwsim.images import srgb_uint8_from_linear
 from uwsim.look import EMPTY, colour_map, false_colour, instance_colours, limits, normal_colours
 
 _BAR_STOPS = 9
-
-
-def through_camera(frame: Frame, name: str) -> np.ndarray:
-    """Return a radiance buffer as the frame's camera would store it without noise, (H, W, 3) uint8."""
-    return expose_without_noise(np.maximum(frame.buffer(name), 0), **sensor_keywords(frame))
 
 
 def bar(low: float, high: float, unit: str) -> str:
