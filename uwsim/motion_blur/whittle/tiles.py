@@ -6,7 +6,7 @@ import numpy as np
 
 from uwsim.motion_blur.estimate import MINIMUM_SIDE_PX, SATURATED_SHARE, grey_from_image, is_constant, saturated_share
 from uwsim.motion_blur.whittle import model
-from uwsim.motion_blur.whittle.gate import blur_nats
+from uwsim.motion_blur.whittle.gate import blur_nats, least_nats
 from uwsim.motion_blur.whittle.model import FILL, RIGHT, STATIC, UP
 from uwsim.motion_blur.whittle.picture import Found, find
 
@@ -16,7 +16,7 @@ _TILE_SHARE, _LEAST_TILE_PX = 1 / 4, 128
 # tiles that show a blur of their own, as a share of all, before others are taken to move with them
 _MOVING_SHARE = 1 / 4
 # how much worse [nats] than a texture without a blur the neighbour's may explain such a tile
-_AS_WELL_NATS = 5.0
+_AS_WELL_NATS = 100.0
 # neighbours' displacements differ by this share of them, as a standard deviation
 _ALIKE_SHARE = 0.15
 
@@ -45,10 +45,12 @@ def field(
 ) -> Field:
     """Return the blur of square tiles of a linear image (H, W[, C]), each a `step_px` from the next.
 
-    Tiles also start from what the whole frame says; the errors grow as 1 / tile_px. With `fill`, where a quarter of the
-    tiles show a blur, each of the others has that of the nearest of these, unless a texture at rest explains it better:
-    few details are no sign of rest where the camera moves. ValueError for images that are
-    constant, not finite or under 16 px, and where a tile does not fit into the image or is under 32 px.
+    Tiles also start from what the whole frame says; the errors grow as 1 / tile_px. With `fill` and a whole frame that
+    shows a blur, a tile departs from that only where its own explains it better by as much as a blur is asked for. With
+    `fill`, too, a tile that shows none has that of the nearest one that does or, where these are under a quarter, the
+    whole frame's, unless a texture at rest explains it better: few details are no sign of rest where the camera moves.
+    ValueError for images that are constant, not finite or under 16 px, and where a tile does not fit into the image or
+    is under 32 px.
     """
     grey = grey_from_image(image, where="whittle field")
     if not _SHORTEST_TILE_PX <= tile_px <= min(grey.shape):
@@ -61,6 +63,7 @@ def field(
     tops, lefts = (np.arange(0, side - tile_px + 1, step_px) for side in grey.shape)
     whole = find(grey, lens_std_px=lens_std_px)
     hints_px = np.empty((0, 2)) if whole is None else whole.displacement_px[None]
+    moves = whole is not None and whole.verdict != "no blur"
     shape = (len(tops), len(lefts))
     displacement, covariance = np.full((*shape, 2), np.nan), np.full((*shape, 2, 2), np.nan)
     verdict = np.full(shape, "no blur", dtype="<U11")
@@ -71,39 +74,63 @@ def field(
         if is_constant(tile) or saturated_share(image[inside], full=image.max()) > SATURATED_SHARE:
             continue
         found = find(tile, lens_std_px=lens_std_px, hints_px=hints_px)
-        if found is not None:
-            displacement[index], covariance[index] = found.displacement_px, found.covariance_px2
-            verdict[index] = found.verdict
-            fits[index] = found, tile
+        if found is None:
+            continue
+        displacement[index], covariance[index] = found.displacement_px, found.covariance_px2
+        verdict[index] = found.verdict
+        fits[index] = found, tile
+        if fill and moves and found.verdict != "no blur" and not _departs(found, tile, whole, lens_std_px):
+            displacement[index], covariance[index] = whole.displacement_px, whole.covariance_px2
     centres = np.stack(np.meshgrid(lefts, tops), axis=-1) + tile_px / 2
     made = Field(centres, displacement, covariance, verdict)
-    return _filled(made, fits, lens_std_px) if fill else made
+    return _filled(made, fits, whole, lens_std_px) if fill else made
 
 
-def _filled(made: Field, fits: dict[tuple[int, int], tuple[Found, np.ndarray]], lens_std_px: float | None) -> Field:
+def _filled(
+    made: Field, fits: dict[tuple[int, int], tuple[Found, np.ndarray]], whole: Found | None, lens_std_px: float | None
+) -> Field:
     from scipy.spatial import cKDTree
 
     moving = made.verdict != "no blur"
-    if moving.sum() < _MOVING_SHARE * moving.size:
+    several = moving.sum() >= _MOVING_SHARE * moving.size
+    if not several and (whole is None or whole.verdict == "no blur"):
         return made
-    known = np.argwhere(moving)
-    nearest = known[cKDTree(made.centres_px[moving]).query(made.centres_px)[1]]
+    if several:
+        known = np.argwhere(moving)
+        nearest = known[cKDTree(made.centres_px[moving]).query(made.centres_px)[1]]
     displacement, covariance, verdict = (part.copy() for part in made[1:])
     for index in map(tuple, np.argwhere(~moving)):
-        source = tuple(nearest[index])
-        if index in fits and _at_rest(*fits[index], made.displacement_px[source], lens_std_px):
+        if several:
+            source = tuple(nearest[index])
+            told = made.displacement_px[source], made.covariance_px2[source], made.verdict[source]
+        else:
+            told = whole.displacement_px, whole.covariance_px2, whole.verdict
+        if index in fits and _at_rest(*fits[index], told[0], lens_std_px):
             continue
-        displacement[index], covariance[index] = made.displacement_px[source], made.covariance_px2[source]
-        verdict[index] = made.verdict[source]
+        displacement[index], covariance[index], verdict[index] = told
     return Field(made.centres_px, displacement, covariance, verdict)
+
+
+def _departs(found: Found, tile: np.ndarray, whole: Found, lens_std_px: float | None) -> bool:
+    """Return whether a tile shows that it moves otherwise than the whole frame."""
+    apart = min(np.linalg.norm(sign * found.displacement_px - whole.displacement_px) for sign in (1, -1))
+    if apart <= 2 * _ALIKE_SHARE * whole.length_px:
+        return True
+    power = found.frequencies.power(tile / found.scale)
+    own = blur_nats(found.frequencies, power, found.fit.parameters, lens_std_px=lens_std_px)
+    return own - _nats_of(found, tile, whole.displacement_px, lens_std_px) >= least_nats(found.length_px)
 
 
 def _at_rest(found: Found, tile: np.ndarray, displacement_px: np.ndarray, lens_std_px: float | None) -> bool:
     """Return whether a texture without a blur explains a tile better than this displacement (2,)."""
+    return _nats_of(found, tile, displacement_px, lens_std_px) < -_AS_WELL_NATS
+
+
+def _nats_of(found: Found, tile: np.ndarray, displacement_px: np.ndarray, lens_std_px: float | None) -> float:
+    """Return how much better [nats] about this displacement (2,) explains a tile than textures at rest."""
     parameters = found.fit.parameters.copy()
     parameters[[RIGHT, UP]] = displacement_px
     parameters[[STATIC, FILL]] = model.prior()[0][[STATIC, FILL]]
     power = found.frequencies.power(tile / found.scale)
     known_px = _ALIKE_SHARE * float(np.linalg.norm(displacement_px))
-    nats = blur_nats(found.frequencies, power, parameters, lens_std_px=lens_std_px, known_px=known_px)
-    return nats < -_AS_WELL_NATS
+    return blur_nats(found.frequencies, power, parameters, lens_std_px=lens_std_px, known_px=known_px)
