@@ -9,7 +9,7 @@ from uwsim.metrics.blur import angle_error_deg, blur_failure, length_error_px
 from uwsim.motion_blur.estimate import VERDICTS
 from uwsim.motion_blur.estimators import whittle
 from uwsim.motion_blur.kernels import blur, otf
-from uwsim.motion_blur.whittle import model
+from uwsim.motion_blur.whittle import model, picture
 from uwsim.motion_blur.whittle.fit import refine
 from uwsim.motion_blur.whittle.gate import least_nats, shows_in_parts
 from uwsim.motion_blur.whittle.periodogram import frequencies
@@ -191,6 +191,32 @@ class TestLens:
         assert known < 0.5
         # a lens that is not there hides blur or bends the texture: the knowledge is used
         assert known != length_error_px(whittle.estimate(image, lens_std_px=2.0).length_px, 3)
+
+
+def board(seed, *, module_px=14, size_px=256):
+    """Return a board of black and white squares, as large as a `texture`."""
+    side = size_px + 2 * BORDER_PX
+    squares = np.random.default_rng(seed).integers(0, 2, (side // module_px + 1,) * 2)
+    return 0.2 + 0.6 * np.kron(squares, np.ones((module_px, module_px)))[:side, :side]
+
+
+class TestSquares:
+    @pytest.mark.parametrize("module_px", [6, 14])
+    def test_squares_of_one_size_are_no_blur(self, module_px):
+        """Zeros in both directions, as those of tags. A moving board is not called blurred by its squares' size, and a
+        texture whose blur is as long is. Negative control: without the look at right angles the board is blurred."""
+        image = finished(board(70, module_px=module_px), noise_std=0.004, seed=70)
+        assert whittle.estimate(image).verdict == "no blur"
+        assert set(field(image).verdict.ravel()) == {"no blur"}
+        moved = whittle.estimate(
+            finished(blur(board(70, module_px=module_px), length_px=3, angle_deg=30), noise_std=0.004, seed=70)
+        )
+        assert moved.verdict == "no blur" or moved.length_px == pytest.approx(3, abs=0.5)
+        textured = whittle.estimate(frame(71, length_px=module_px, angle_deg=0))
+        assert textured.verdict == "blur" and textured.length_px == pytest.approx(module_px, abs=0.5)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(picture, "is_of_squares", lambda *args, **keywords: False)
+            assert whittle.estimate(image).verdict != "no blur"
 
 
 class TestField:

@@ -17,6 +17,8 @@ _RIDGE_FILL_LN = 7.0
 _RIDGE_STATIC_LN = -3.0
 # longer ones are not the work of a lens on a texture with a ridge, only of one of them
 LENS_AND_RIDGE_PX = 3.0
+# both sides of a square are equal to this share, as a standard deviation
+_SAME_SIZE_SHARE = 0.05
 # lengths of ridges to start from, as shares of the blur's: 1 / sqrt(3) has its curvature at 0
 _RIDGE_SHARES = (0.58, 1.0)
 
@@ -41,6 +43,17 @@ def shows_in_parts(grey: np.ndarray, *, scale: float, parameters: np.ndarray, le
         is_empty = power is None
         nats.append(0.0 if is_empty else blur_nats(found, power, parameters, lens_std_px=lens_std_px, whole=False))
     return sorted(nats)[-2] >= _BLUR_NATS / 2
+
+
+def is_of_squares(found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None) -> bool:
+    """Return whether the same blur at right angles shows as well: the work of details that are squares of one size.
+
+    The modules of tags, enlarged pixels and the blocks of a compression have zeros in both directions, a motion in one.
+    """
+    across = parameters.copy()
+    across[[RIGHT, UP]] = -parameters[UP], parameters[RIGHT]
+    known_px = _SAME_SIZE_SHARE * float(np.hypot(*parameters[[RIGHT, UP]]))
+    return blur_nats(found, power, across, lens_std_px=lens_std_px, known_px=known_px) >= _BLUR_NATS
 
 
 def blur_nats(

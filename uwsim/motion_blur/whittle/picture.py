@@ -7,7 +7,7 @@ import numpy as np
 from uwsim.motion_blur.estimate import Estimate, longest_length_px
 from uwsim.motion_blur.whittle import model
 from uwsim.motion_blur.whittle.fit import Fit, refine
-from uwsim.motion_blur.whittle.gate import LENS_AND_RIDGE_PX, blur_nats, least_nats, shows_in_parts
+from uwsim.motion_blur.whittle.gate import LENS_AND_RIDGE_PX, blur_nats, is_of_squares, least_nats, shows_in_parts
 from uwsim.motion_blur.whittle.model import FILL, RIGHT, UP
 from uwsim.motion_blur.whittle.periodogram import Frequencies, frequencies
 from uwsim.motion_blur.whittle.search import LOOSE, UNIFORM, candidates
@@ -40,6 +40,8 @@ class Found:
     frequencies: Frequencies
     scale: float
     verdict: str
+    is_of_squares: bool = False
+    """What looks like a blur is the size of the texture's squares."""
 
     @property
     def displacement_px(self) -> np.ndarray:
@@ -111,6 +113,8 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     shows = made.length_px >= SHORTEST_PX and (is_uniform or _shows(made, limit_px))
     if not shows or blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) < least_nats(made.length_px):
         return replace(made, verdict="no blur")
+    if is_of_squares(found, power, best.parameters, lens_std_px=lens_std_px):
+        return replace(made, verdict="no blur", is_of_squares=True)
     # hardly anything else looks like a long uniform motion, whose stripes are too fine for a quarter of the picture
     if is_uniform and made.length_px >= LENS_AND_RIDGE_PX:
         return made

@@ -77,9 +77,9 @@ def field(
         if found is None:
             continue
         displacement[index], covariance[index] = found.displacement_px, found.covariance_px2
-        verdict[index] = found.verdict
+        verdict[index] = "no blur" if _is_square_of(whole, found) else found.verdict
         fits[index] = found, tile
-        if fill and moves and found.verdict != "no blur" and not _departs(found, tile, whole, lens_std_px):
+        if fill and moves and verdict[index] != "no blur" and not _departs(found, tile, whole, lens_std_px):
             displacement[index], covariance[index] = whole.displacement_px, whole.covariance_px2
     centres = np.stack(np.meshgrid(lefts, tops), axis=-1) + tile_px / 2
     made = Field(centres, displacement, covariance, verdict)
@@ -109,6 +109,13 @@ def _filled(
             continue
         displacement[index], covariance[index], verdict[index] = told
     return Field(made.centres_px, displacement, covariance, verdict)
+
+
+def _is_square_of(whole: Found | None, found: Found) -> bool:
+    """Return whether a tile's blur has the length of the squares that the whole frame is made of."""
+    if whole is None or not whole.is_of_squares:
+        return False
+    return abs(found.length_px - whole.length_px) <= 2 * _ALIKE_SHARE * whole.length_px
 
 
 def _departs(found: Found, tile: np.ndarray, whole: Found, lens_std_px: float | None) -> bool:
