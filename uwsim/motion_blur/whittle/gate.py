@@ -19,6 +19,8 @@ _RIDGE_STATIC_LN = -3.0
 LENS_AND_RIDGE_PX = 3.0
 # both sides of a square are equal to this share, as a standard deviation
 _SAME_SIZE_SHARE = 0.05
+# share of the evidence that squares show at right angles: a tenth and more in tags at rest, a twentieth in moving ones
+_SQUARES_SHARE = 0.1
 # lengths of ridges to start from, as shares of the blur's: 1 / sqrt(3) has its curvature at 0
 _RIDGE_SHARES = (0.58, 1.0)
 
@@ -45,15 +47,19 @@ def shows_in_parts(grey: np.ndarray, *, scale: float, parameters: np.ndarray, le
     return sorted(nats)[-2] >= _BLUR_NATS / 2
 
 
-def is_of_squares(found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, lens_std_px: float | None) -> bool:
-    """Return whether the same blur at right angles shows as well: the work of details that are squares of one size.
+def is_of_squares(
+    found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, nats: float, lens_std_px: float | None
+) -> bool:
+    """Return whether a blur that is told by `nats` is the size of squares: at right angles to it as much would show.
 
     The modules of tags, enlarged pixels and the blocks of a compression have zeros in both directions, a motion in one.
     """
     across = parameters.copy()
     across[[RIGHT, UP]] = -parameters[UP], parameters[RIGHT]
     known_px = _SAME_SIZE_SHARE * float(np.hypot(*parameters[[RIGHT, UP]]))
-    return blur_nats(found, power, across, lens_std_px=lens_std_px, known_px=known_px) >= _BLUR_NATS
+    return blur_nats(found, power, across, lens_std_px=lens_std_px, known_px=known_px) >= max(
+        _BLUR_NATS, _SQUARES_SHARE * nats
+    )
 
 
 def blur_nats(
