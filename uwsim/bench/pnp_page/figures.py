@@ -66,13 +66,19 @@ def _errors(study: PoseStudy, path: Path, cases: list[str]) -> None:
             if words == "median":
                 panel.plot(steps, [study.bound(case, part) for case in cases], "k:", linewidth=2, label="bound")
             panel.set(ylabel=f"{_UNITS[part]}, {words}", yscale="log")
-            low, high = panel.get_ylim()
-            panel.set_ylim(max(low, _LOWEST), min(high, _HIGHEST))
+            panel.set_ylim(*_limits(panel))
             panel.grid(color="0.9")
     for panel in panels[1]:
         panel.set_xlabel(LABELS[key])
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize=7)
     save(figure, path, dpi=80)
+
+
+def _limits(panel) -> tuple[float, float]:
+    """Return limits around what is drawn and is neither round-off nor beyond all measure."""
+    heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in panel.lines])
+    shown = heights[(heights >= _LOWEST) & (heights <= _HIGHEST)]
+    return (0.8 * shown.min(), 1.25 * shown.max()) if shown.size else (_LOWEST, _HIGHEST)
 
 
 def _times(study: PoseStudy, path: Path, cases: list[str]) -> None:
