@@ -168,6 +168,8 @@ def _read(images: list[Path], out: Path) -> tuple[list[str], list[np.ndarray]]:
         raise ValueError(f"images: two would be written to {out / repeated[0]}, allowed: different names")
     if over := [path for path, n in zip(images, names, strict=True) if (out / n).resolve() == path.resolve()]:
         raise ValueError(f"--out {out}: {over[0]} would be overwritten, allowed: another folder")
+    if folders := [out / name for name in names if (out / name).is_dir()]:
+        raise ValueError(f"--out {out}: {folders[0]} is a folder, allowed: one without it")
     return names, pictures
 
 

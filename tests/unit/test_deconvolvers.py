@@ -538,6 +538,24 @@ class TestCommand:
         assert "is a picture, allowed: another file" in " ".join(capsys.readouterr().err.split())
         assert (tmp_path / "a.png").read_bytes() == before and not list((tmp_path / "out").iterdir())
 
+    def test_a_folder_in_the_place_of_a_picture_is_seen_before_anything_is_written(self, tmp_path, monkeypatch, capsys):
+        self.prepared(tmp_path)
+        write_png(tmp_path / "b.png", read_srgb(tmp_path / "a.png"))
+        (tmp_path / "out" / "b.png").mkdir(parents=True)
+        arguments = (
+            tmp_path / "a.png",
+            tmp_path / "b.png",
+            "--out",
+            tmp_path / "out",
+            "--length-px",
+            4,
+            "--angle-deg",
+            0,
+        )
+        assert self.run(monkeypatch, "deblur", "wiener", *arguments) == 2
+        assert "is a folder, allowed" in " ".join(capsys.readouterr().err.split())
+        assert not (tmp_path / "out" / "a.png").exists()
+
     def test_a_photograph_is_turned_as_it_says(self, tmp_path):
         """EXIF orientation 6: the camera was held upright. Control: without the tag it stays."""
         import cv2
