@@ -1,5 +1,7 @@
 """Is it blur at all? Only the zeros of the spectrum tell a blur from a texture that is smooth in one direction."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from uwsim.motion_blur.whittle import model
@@ -36,30 +38,43 @@ def shows_in_parts(grey: np.ndarray, *, scale: float, parameters: np.ndarray, le
     What moves shows wherever there is texture, one long edge only where it is. `scale`: the unit of the parameters, the
     standard deviation of the picture.
     """
+    nats = [
+        blur_nats(found, power, parameters, lens_std_px=lens_std_px, whole=False)
+        for found, power in _quarters(grey, scale)
+    ]
+    return len(nats) > 1 and sorted(nats)[-2] >= _BLUR_NATS / 2
+
+
+def is_of_squares(
+    grey: np.ndarray, found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, nats: float, scale: float,
+    lens_std_px: float | None,
+) -> bool:  # fmt: skip
+    """Return whether a blur that is told by `nats` is the size of squares: at right angles to it as much shows.
+
+    The modules of tags, enlarged pixels and the blocks of a compression have zeros in both directions, a motion in one.
+    Where some quarters of the picture show the one, others the other and none both, parts of it move at right angles.
+    """
+    across = parameters.copy()
+    across[[RIGHT, UP]] = -parameters[UP], parameters[RIGHT]
+    known = {"lens_std_px": lens_std_px, "known_px": _SAME_SIZE_SHARE * float(np.hypot(*parameters[[RIGHT, UP]]))}
+    if blur_nats(found, power, across, **known) < max(_BLUR_NATS, _SQUARES_SHARE * nats):
+        return False
+    shows = [
+        tuple(blur_nats(*part, one, **known) >= _BLUR_NATS / 2 for one in (parameters, across))
+        for part in _quarters(grey, scale)
+    ]
+    return (True, True) in shows or not {(True, False), (False, True)} <= set(shows)
+
+
+def _quarters(grey: np.ndarray, scale: float) -> Iterator[tuple[Frequencies, np.ndarray]]:
+    """Yield frequencies and power of the quarters of a picture (H, W) that show anything."""
     height, width = (side // 2 for side in grey.shape)
-    nats = []
     for row, column in np.ndindex(2, 2):
         part = grey[row * height : (row + 1) * height, column * width : (column + 1) * width]
         found = frequencies(*part.shape)
         power = found.power(part / scale)
-        is_empty = power is None
-        nats.append(0.0 if is_empty else blur_nats(found, power, parameters, lens_std_px=lens_std_px, whole=False))
-    return sorted(nats)[-2] >= _BLUR_NATS / 2
-
-
-def is_of_squares(
-    found: Frequencies, power: np.ndarray, parameters: np.ndarray, *, nats: float, lens_std_px: float | None
-) -> bool:
-    """Return whether a blur that is told by `nats` is the size of squares: at right angles to it as much would show.
-
-    The modules of tags, enlarged pixels and the blocks of a compression have zeros in both directions, a motion in one.
-    """
-    across = parameters.copy()
-    across[[RIGHT, UP]] = -parameters[UP], parameters[RIGHT]
-    known_px = _SAME_SIZE_SHARE * float(np.hypot(*parameters[[RIGHT, UP]]))
-    return blur_nats(found, power, across, lens_std_px=lens_std_px, known_px=known_px) >= max(
-        _BLUR_NATS, _SQUARES_SHARE * nats
-    )
+        if power is not None:
+            yield found, power
 
 
 def blur_nats(
