@@ -114,10 +114,13 @@ def find(grey: np.ndarray, *, lens_std_px: float | None = None, hints_px: np.nda
     nats = blur_nats(found, power, best.parameters, lens_std_px=lens_std_px) if shows else -np.inf
     if nats < least_nats(made.length_px):
         return replace(made, verdict="no blur")
-    if is_of_squares(grey, found, power, best.parameters, nats=nats, scale=scale, lens_std_px=lens_std_px):
+    is_long = made.length_px >= LENS_AND_RIDGE_PX
+    if is_long and is_of_squares(
+        grey, found, power, best.parameters, nats=nats, scale=scale, lens_std_px=lens_std_px
+    ):  # fmt: skip
         return replace(made, verdict="no blur", is_of_squares=True)
     # hardly anything else looks like a long uniform motion, whose stripes are too fine for a quarter of the picture
-    if is_uniform and made.length_px >= LENS_AND_RIDGE_PX:
+    if is_uniform and is_long:
         return made
     is_shown = shows_in_parts(grey, scale=scale, parameters=best.parameters, lens_std_px=lens_std_px)
     return made if is_shown else replace(made, verdict="no blur")
