@@ -7,7 +7,7 @@ import pytest
 import synthetic
 
 from uwsim.bench import blur, blur_deconvolution, blur_undone
-from uwsim.bench.blur import field, strata
+from uwsim.bench.blur import estimates, field, strata
 from uwsim.bench.blur.estimates import Refusal
 from uwsim.bench.records import markdown
 from uwsim.bench.run import run
@@ -251,7 +251,7 @@ def test_rendered_frames_are_undone_as_the_command_does_it(dataset, tmp_path, mo
 
 
 def test_without_an_estimate_there_is_no_score_but_a_reason(definition, monkeypatch):
-    monkeypatch.setattr(blur_deconvolution, "estimated", lambda *_: (Refusal("too bright"), math.nan))
+    monkeypatch.setattr(estimates, "estimated", lambda *_: (Refusal("too bright"), math.nan))
     result = run(definition, quick=True)
     notes = {r.note for r in result.records if r.algorithm == "wiener_guessed" and r.case == LONG}
     assert "cepstrum_minimum: too bright" in notes

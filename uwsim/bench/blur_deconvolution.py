@@ -10,20 +10,18 @@ gained over the frame as it is, and the share of frames that are made worse than
 """
 
 import math
-from dataclasses import dataclass, field
 from types import ModuleType
 
 import numpy as np
 
 from uwsim.bench import runner
-from uwsim.bench.blur.estimates import Refusal, estimated
-from uwsim.bench.blur_controlled.frames import Frames, Made
+from uwsim.bench.blur.estimates import Told
+from uwsim.bench.blur_controlled.frames import Frames
 from uwsim.bench.blur_controlled.task import case_names, conditions
 from uwsim.bench.kept import Scores
-from uwsim.bench.task import Case, Task
-from uwsim.discovery import find
+from uwsim.bench.task import Task
 from uwsim.metrics import blur as blur_metrics
-from uwsim.motion_blur import deconvolvers, estimators
+from uwsim.motion_blur import deconvolvers
 from uwsim.motion_blur.estimate import Estimate
 
 STATISTICS = {
@@ -34,31 +32,14 @@ INNER_PX = 20
 """Width of the border that `psnr_inner` leaves out."""
 
 
-@dataclass(frozen=True)
-class Blurred(Case):
-    """A frame made here; `truth` is its sharp picture (H, W); estimates of its blur are kept by estimator."""
-
-    made: Made
-    estimates: dict[str, Estimate | Refusal] = field(default_factory=dict)
-
-    def blur(self, estimator: str | None) -> Estimate:
-        """Return what an estimator says of the frame, NotInFrame where it refuses; None: the truth."""
-        if estimator is None:
-            return Estimate(self.made.shot.length_px, self.made.shot.angle_deg)
-        if estimator not in self.estimates:
-            self.estimates[estimator], _ = estimated(find(estimators, estimator), estimator, (), self)
-        found = self.estimates[estimator]
-        if isinstance(found, Refusal):
-            raise runner.NotInFrame(f"{estimator}: {found.reason}")
-        return found
-
-
-def case(frames: Frames, name: str) -> Blurred:
+def case(frames: Frames, name: str) -> Told:
+    """Return a frame made here; `truth` is its sharp picture (H, W)."""
     made = frames.frame(name)
-    return Blurred(name=name, image=made.image, makers={}, truth=made.sharp, made=made)
+    label = Estimate(made.shot.length_px, made.shot.angle_deg)
+    return Told(name=name, image=made.image, makers={}, truth=made.sharp, label=label)
 
 
-def score(module: ModuleType, name: str, given: tuple[str, ...], case: Blurred) -> dict[str, float | str]:
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Told) -> dict[str, float | str]:
     where = f"deconvolution: {name}: case {case.name}"
     makers = {"blur": lambda: case.blur(getattr(module, "BLUR_FROM", None))}
     try:

@@ -11,7 +11,6 @@ UCIQE, which see no truth.
 """
 
 import math
-from dataclasses import dataclass, field
 from functools import partial
 from types import ModuleType
 
@@ -19,15 +18,14 @@ import numpy as np
 
 from uwsim.bench import runner
 from uwsim.bench.blur import case_names, strata
-from uwsim.bench.blur.estimates import Refusal, estimated
+from uwsim.bench.blur.estimates import Told
 from uwsim.bench.kept import Scores
 from uwsim.bench.restoration.scores import no_reference_scores
-from uwsim.bench.task import Case, Task, linear_buffer, through_camera
+from uwsim.bench.task import Task, linear_buffer, through_camera
 from uwsim.bench.undone import undone, way_of
 from uwsim.dataset.store import Dataset
-from uwsim.discovery import find
 from uwsim.metrics import image as image_metrics
-from uwsim.motion_blur import deconvolvers, estimators
+from uwsim.motion_blur import deconvolvers
 from uwsim.motion_blur.estimate import Estimate
 
 STATISTICS = {
@@ -40,34 +38,16 @@ _SHOWN = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Moved(Case):
-    """A frame in motion; `truth` is its sharp twin, (H, W, 3) uint8 sRGB; estimates of its blur are kept."""
-
-    label: Estimate
-    estimates: dict[str, Estimate | Refusal] = field(default_factory=dict)
-
-    def blur(self, estimator: str | None) -> Estimate:
-        """Return what an estimator says of the picture, NotInFrame where it refuses; None: the label."""
-        if estimator is None:
-            return self.label
-        if estimator not in self.estimates:
-            self.estimates[estimator], _ = estimated(find(estimators, estimator), estimator, (), self)
-        found = self.estimates[estimator]
-        if isinstance(found, Refusal):
-            raise runner.NotInFrame(f"{estimator}: {found.reason}")
-        return found
-
-
-def case(dataset: Dataset, name: str) -> Moved:
+def case(dataset: Dataset, name: str) -> Told:
+    """Return a frame in motion; `truth` is its sharp twin, (H, W, 3) uint8 sRGB."""
     frame = dataset.frame(name)
     sharp = through_camera(frame, "sharp")
     label = Estimate(frame.info.blur.length_px, frame.info.blur.angle_deg)
-    return Moved(name=name, image=frame.image, makers={"sharp": partial(linear_buffer, frame, "sharp")}, truth=sharp,
-                 label=label)  # fmt: skip
+    return Told(name=name, image=frame.image, makers={"sharp": partial(linear_buffer, frame, "sharp")}, truth=sharp,
+                label=label)  # fmt: skip
 
 
-def score(module: ModuleType, name: str, given: tuple[str, ...], case: Moved) -> dict[str, float | str]:
+def score(module: ModuleType, name: str, given: tuple[str, ...], case: Told) -> dict[str, float | str]:
     where, source = f"deblurring: {name}: case {case.name}", getattr(module, "BLUR_FROM", None)
     try:
         blur = case.blur(source)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
 from typing import NamedTuple
@@ -11,8 +11,10 @@ import numpy as np
 
 from uwsim.bench import runner
 from uwsim.bench.task import Case
+from uwsim.discovery import find
 from uwsim.metrics import blur as blur_metrics
-from uwsim.motion_blur.estimate import VERDICTS
+from uwsim.motion_blur import estimators
+from uwsim.motion_blur.estimate import VERDICTS, Estimate
 
 STATISTICS = {
     "failure_percent": "mean", "length_error_px": "median", "angle_error_deg": "median",
@@ -74,6 +76,25 @@ def estimated(module: ModuleType, name: str, given: tuple[str, ...], case: Case)
     if getattr(estimate, "verdict", VERDICTS[0]) not in VERDICTS:
         raise ValueError(f"{where}: verdict {estimate.verdict!r}, allowed: {', '.join(VERDICTS)}")
     return estimate, elapsed_ms
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told(Case):
+    """A picture in motion for deconvolvers: its `label`, and what estimators say of it, kept by name."""
+
+    label: Estimate
+    estimates: dict[str, Estimate | Refusal] = field(default_factory=dict)
+
+    def blur(self, estimator: str | None) -> Estimate:
+        """Return what an estimator says of the picture, NotInFrame where it refuses; None: the label."""
+        if estimator is None:
+            return self.label
+        if estimator not in self.estimates:
+            self.estimates[estimator], _ = estimated(find(estimators, estimator), estimator, (), self)
+        found = self.estimates[estimator]
+        if isinstance(found, Refusal):
+            raise runner.NotInFrame(f"{estimator}: {found.reason}")
+        return found
 
 
 def scores(estimate: object, truth: Truth) -> dict[str, float | str]:
