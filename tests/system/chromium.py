@@ -12,6 +12,7 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
+WAIT_S = 20
 needs_browser = pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason="needs Chromium and its driver: apt-get install chromium chromium-driver",
@@ -28,3 +29,24 @@ def synthetic_dataset(folder):
 
 def find(browser, selector: str):
     return browser.find_elements("css selector", selector)
+
+
+def open_page(browser, address: str) -> None:
+    """Open a page anew, whatever part of it was open before, and wait until it stands."""
+    browser.get("about:blank")
+    browser.get(address)
+    _wait(browser, "location.href === arguments[0]", address)  # on a busy machine `get` may come back too early
+
+
+def reload_page(browser) -> None:
+    """Load the page again and wait until it stands."""
+    browser.execute_script("window.before = true")
+    browser.refresh()
+    _wait(browser, "window.before === undefined")
+
+
+def _wait(browser, condition: str, *arguments) -> None:
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    script = f"return document.readyState === 'complete' && {condition}"
+    WebDriverWait(browser, WAIT_S).until(lambda one: one.execute_script(script, *arguments))

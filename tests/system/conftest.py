@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.system.chromium import CHROMIUM, DRIVER, OPTIONS
+from tests.system.chromium import CHROMIUM, DRIVER, OPTIONS, open_page
 
 
 @pytest.fixture(scope="module")
@@ -26,5 +26,5 @@ def opened(browser, page):
     browser.set_window_size(1280, 900)
     browser.get("about:blank")
     browser.get_log("browser"), browser.get_log("performance")
-    browser.get(page.as_uri())
+    open_page(browser, page.as_uri())
     return browser

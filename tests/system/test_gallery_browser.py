@@ -9,9 +9,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from tests.system.chromium import find, needs_browser, synthetic_dataset
-
-WAIT_S = 20
+from tests.system.chromium import WAIT_S, find, needs_browser, open_page, reload_page, synthetic_dataset
 
 
 def put_in_motion(path: Path) -> None:
@@ -149,7 +147,7 @@ def test_filters_choose_and_count_and_stand_in_the_address(opened):
     (moving,) = (one for one in find(opened, "select[name=markers] option") if one.text.startswith("seen"))
     assert moving.text == "seen (0)"
     assert not moving.is_enabled()
-    opened.refresh()
+    reload_page(opened)
     assert names(opened) == ["000001"]
     choose(opened, "turbidity", "all")
     choose(opened, "scene", "synthetic (4)")
@@ -180,7 +178,7 @@ def test_every_layer_can_be_shown(opened):
     assert find(opened, ".stage .wheel")  # the last is the flow
     find(opened, "input[value=range]")[0].click()
     assert find(opened, ".stage .bar")[0].text.split("\n")[0].endswith(" m")
-    opened.refresh()  # the layer stands in the address
+    reload_page(opened)  # the layer stands in the address
     assert picture(opened) == "range.webp"
     assert opened.get_log("browser") == []
 
@@ -256,8 +254,7 @@ def test_a_preview_that_is_gone_is_said_to_be(opened, page):
     folder = page.parent / "frames" / "000001"
     folder.rename(folder.with_name("elsewhere"))
     try:
-        opened.get("about:blank")
-        opened.get(f"{page.as_uri()}#frame=000001")
+        open_page(opened, f"{page.as_uri()}#frame=000001")
         wait_for(opened, "document.querySelector('#frame .missing')?.textContent.includes('000001')")
     finally:
         folder.with_name("elsewhere").rename(folder)
@@ -272,8 +269,7 @@ def test_a_narrow_screen_does_not_scroll_sideways(opened, page, scheme, name):
     metrics = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     if name:
-        opened.get("about:blank")
-        opened.get(f"{page.as_uri()}#frame={name}&layer=range")
+        open_page(opened, f"{page.as_uri()}#frame={name}&layer=range")
         picture(opened)
         opened.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     assert opened.execute_script("return document.documentElement.scrollWidth") == 390
