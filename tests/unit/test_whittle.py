@@ -10,6 +10,7 @@ from uwsim.motion_blur.estimate import VERDICTS
 from uwsim.motion_blur.estimators import whittle
 from uwsim.motion_blur.kernels import blur, otf
 from uwsim.motion_blur.whittle import model, picture
+from uwsim.motion_blur.whittle.cells_fit import fit_cells
 from uwsim.motion_blur.whittle.fit import refine
 from uwsim.motion_blur.whittle.gate import least_nats, shows_in_parts
 from uwsim.motion_blur.whittle.periodogram import frequencies
@@ -367,3 +368,17 @@ class TestSlopes:
                 away = best.parameters.copy()
                 away[index] += sign * 2 * std[index]
                 assert refine(found, power, away, free=[model.NOISE], **options).loss > best.loss + 0.5
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_step_out_of_float32_is_not_taken():
+    """Where noise covers the texture, its brightness hangs on little: the first step is past what float32 holds."""
+    found = frequencies(96, 96)
+    power = found.cells.mean(found.periodogram(30 * np.random.default_rng(3).normal(size=(96, 96)))[found.fitted])
+    start = np.zeros((1, model.PARAMETERS))
+    start[0, [model.STATIC, model.FILL]], start[0, model.TEXTURE.start] = -12.0, -9.0
+    given = {"free": np.array([model.TEXTURE.start]), "limit_px": 10.0, "prior": model.prior()}
+    _, before, _ = fit_cells(found.cells, power, start, steps=0, **given)
+    after, losses, _ = fit_cells(found.cells, power, start, steps=12, **given)
+    assert losses[0] < before[0]
+    assert np.isfinite(after).all()

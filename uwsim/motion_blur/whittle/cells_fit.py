@@ -33,7 +33,8 @@ def fit_cells(
         step = np.zeros_like(parameters)
         step[:, free] = step_of(gradient[:, free], curvature[:, free[:, None], free], damping[:, None])
         trial = bounded(parameters + shortened(step), limit_px)
-        trial_losses, trial_gradient, trial_curvature = evaluate(trial)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step out of float32 has no loss: it is not better
+            trial_losses, trial_gradient, trial_curvature = evaluate(trial)
         better = trial_losses < losses
         parameters = np.where(better[:, None], trial, parameters)
         losses = np.where(better, trial_losses, losses)
