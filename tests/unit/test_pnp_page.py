@@ -6,7 +6,7 @@ import pytest
 
 from uwsim import commands
 from uwsim.bench.definition import read_definition
-from uwsim.bench.judged import NO, OPEN, PARTLY, YES
+from uwsim.bench.judged import NO, OPEN, PARTLY, YES, shown
 from uwsim.bench.pnp.settings import Problems
 from uwsim.bench.pnp.task import TASK
 from uwsim.bench.pnp_page import claims, dissertation, figures, goals, page, tables
@@ -108,6 +108,10 @@ def test_every_figure_of_the_dissertation_has_a_file(study, text):
 def test_what_is_not_installed_is_said(text):
     assert "- `poselib`: not installed: poselib." in text
     assert "**A quick run**" in text
+
+
+def test_numbers_that_round_to_nothing_have_no_sign():
+    assert [shown(value, 3) for value in (-0.0004, -0.0006, math.nan)] == ["0.000", "-0.001", "-"]
 
 
 def test_means_are_those_of_the_records(study, text):

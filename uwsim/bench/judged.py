@@ -34,4 +34,4 @@ def shown(value: float, places: int | None = None) -> str:
     """Return a number as text: with so many decimals, else to four digits; "-" for none."""
     if not math.isfinite(value):
         return NONE
-    return number(value) if places is None else f"{value:.{places}f}"
+    return number(value) if places is None else f"{value:z.{places}f}"
