@@ -31,22 +31,23 @@ def find(browser, selector: str):
     return browser.find_elements("css selector", selector)
 
 
+def wait_for(browser, script: str, *arguments):
+    """Return the value of a script once it is true."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    return WebDriverWait(browser, WAIT_S).until(lambda one: one.execute_script(f"return {script}", *arguments))
+
+
 def open_page(browser, address: str) -> None:
     """Open a page anew, whatever part of it was open before, and wait until it stands."""
     browser.get("about:blank")
     browser.get(address)
-    _wait(browser, "location.href === arguments[0]", address)  # on a busy machine `get` may come back too early
+    # on a busy machine `get` may come back too early
+    wait_for(browser, "document.readyState === 'complete' && location.href === arguments[0]", address)
 
 
 def reload_page(browser) -> None:
     """Load the page again and wait until it stands."""
     browser.execute_script("window.before = true")
     browser.refresh()
-    _wait(browser, "window.before === undefined")
-
-
-def _wait(browser, condition: str, *arguments) -> None:
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    script = f"return document.readyState === 'complete' && {condition}"
-    WebDriverWait(browser, WAIT_S).until(lambda one: one.execute_script(script, *arguments))
+    wait_for(browser, "document.readyState === 'complete' && window.before === undefined")

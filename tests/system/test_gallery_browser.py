@@ -9,7 +9,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from tests.system.chromium import WAIT_S, find, needs_browser, open_page, reload_page, synthetic_dataset
+from tests.system.chromium import find, needs_browser, open_page, reload_page, synthetic_dataset, wait_for
 
 
 def put_in_motion(path: Path) -> None:
@@ -91,12 +91,6 @@ def within(limit_s: float, true) -> bool:
             return False
         time.sleep(0.02)
     return True
-
-
-def wait_for(browser, script: str):
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    return WebDriverWait(browser, WAIT_S).until(lambda one: one.execute_script(f"return {script}"))
 
 
 def names(browser) -> list[str]:

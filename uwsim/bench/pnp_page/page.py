@@ -83,8 +83,8 @@ picture. Made by `uwsim bench pnp --out DIR`; all numbers are in `pnp.json.gz` (
 metric), the printed ones in `benchmarks/printed/pose.toml`, the settings in `benchmarks/pnp.toml`."""
 
 _METHOD = """- ML*: the least reprojection error reached from the true pose; an oracle. Where noise makes many minima
-  (3 to 10 px at a focal length of 80 px, small targets) it stays in the one next to the truth, often not the least: no
-  solver reaches that without the truth, and those are the settings surely above a goal.
+  (2 to 10 px at a focal length of 80 px, small targets or few points) it stays in the one next to the truth, often not
+  the least: no solver reaches that without the truth, and those are the settings surely above a goal.
 - Bound: Cramer-Rao's at the true pose; where it stands beside medians, the median of normal errors at it.
 - Rotation error: the angle of the rotation between estimate and truth. Translation error: by the true distance, in
   percent. Problems without a pose count as infinite errors in medians and as failures; means are over the poses.
