@@ -197,6 +197,81 @@ def test_corrected_angle_errors_of_a_plane_are_the_bound(edge_m, tolerance):
     assert by_bound.max() > 1.5 and by_bound[-1] < 0.8
 
 
+SQUARE = problems.layout("pl4", edge_m=0.1)
+NO_SQUARES = {
+    "rectangle": SQUARE * [1.02, 1, 1],
+    "rhombus": SQUARE @ np.array([[1, 0.02, 0], [0.02, 1, 0], [0, 0, 1]]),
+    "kite": SQUARE + np.array([[0.002, 0.002, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]),
+    "four points of one square distance, folded": np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0.5, 0.5, np.sqrt(0.5)]]),
+    "square with its centre": np.concatenate([SQUARE, [[0, 0, 0]]]),
+    "three of a square": SQUARE[:3],
+    "triangle with its centre": np.array([[2, 0, 0], [-1, 3**0.5, 0], [-1, -(3**0.5), 0], [0, 0, 0]]) / 40,
+    "not flat": SQUARE + np.array([[0, 0, 1e-4], [0, 0, -1e-4], [0, 0, 1e-4], [0, 0, -1e-4]]),
+    "octahedron": problems.layout("bi6", edge_m=0.1),
+    "stereo": problems.layout("st4", edge_m=0.1),
+}
+
+
+@pytest.mark.parametrize("name", list(NO_SQUARES))
+def test_what_is_no_square_is_none(name):
+    turn = problems.random_rotations(1, rng=np.random.default_rng(0))[0]
+    assert plane_errors.square_of(NO_SQUARES[name] @ turn.T + [0.1, -0.2, 0.3]) is None
+
+
+def test_a_square_is_found_in_any_axes_and_its_errors_are_those_of_the_plain_one_on_the_axis():
+    rng = np.random.default_rng(1)
+    tilts = np.radians([0, 3, 30, 60, 90])
+    for turn in problems.random_rotations(5, rng=rng):
+        shift_m = rng.uniform(-1, 1, 3)
+        found = plane_errors.square_of(rng.permutation(SQUARE @ turn.T + shift_m))
+        np.testing.assert_allclose(found.centre_m, shift_m, atol=1e-12)
+        assert abs(found.normal @ turn[:, 2]) == pytest.approx(1, abs=1e-12)
+        assert found.arm_m == pytest.approx(0.05, rel=1e-12)
+        rotation = Rotation.from_euler("y", tilts[:, None]).as_matrix() @ turn.T
+        place_m = np.array([0, 0, 1.0]) - rotation @ shift_m
+        for form in ("corrected", "as_printed"):
+            given = {"noise_px": 0.3, "focal_px": 1300.0, "form": form}
+            plain = plane_errors.angle_errors(tilt_rad=tilts, distance_m=1.0, arm_m=0.05, **given)
+            angles = plane_errors.square_errors(found, rotation, place_m, **given)
+            # 90 deg as printed: cosine of a rounded right angle
+            np.testing.assert_allclose(np.stack(angles), np.stack(plain), rtol=1e-9, atol=1e-12)
+
+
+def test_squares_measured_to_half_a_percent_keep_the_formula():
+    """Model tolerance 2 %, as for exact ones; the points rounded to 1 um, and 0.2 % off in their plane."""
+    rng = np.random.default_rng(2)
+    rotation = problems.random_rotations(50, rng=rng)
+    place_m = np.tile([0, 0, 1.0], (50, 1))
+    for points_m in (SQUARE, np.round(SQUARE @ rotation[0].T, 6), SQUARE * [1.002, 0.999, 1]):
+        found = plane_errors.square_of(points_m)
+        angles = plane_errors.square_errors(found, rotation, place_m, noise_px=0.3, focal_px=1300)
+        least = bound.bound(points_m, rotation, place_m, K=K, noise_px=0.3)
+        np.testing.assert_allclose(np.degrees(angles.rotation_rad), least.rotation_deg, rtol=0.02)
+
+
+@pytest.mark.parametrize(("off_axis_deg", "tolerance"), [(27, 0.02), (63, 0.17)])
+def test_corrected_errors_of_a_square_off_the_axis_are_the_bound(off_axis_deg, tolerance):
+    """Root mean square over orientations. Control: of noise and depth as on the axis they are not."""
+    rng = np.random.default_rng(3)
+    rotation = problems.random_rotations(400, rng=rng)
+    place_m = np.tile([np.tan(np.radians(off_axis_deg)), 0, 1.0], (400, 1))
+    found = plane_errors.square_of(SQUARE)
+    given = {"noise_px": 0.3, "focal_px": 1300.0}
+    least_rad = np.radians(bound.bound(SQUARE, rotation, place_m, K=K, noise_px=0.3).rotation_deg)
+    for tilts in ((0, 20), (20, 50), (50, 90)):
+        sight = place_m[0] / np.linalg.norm(place_m[0])
+        tilt_deg = np.degrees(np.arccos(np.abs(rotation[:, :, 2] @ sight)))
+        chosen = (tilt_deg >= tilts[0]) & (tilt_deg < tilts[1])
+        assert chosen.sum() > 15
+        angles = plane_errors.square_errors(found, rotation[chosen], place_m[chosen], **given)
+        rms = [np.sqrt(np.mean(part**2)) for part in (angles.rotation_rad, least_rad[chosen])]
+        assert rms[0] == pytest.approx(rms[1], rel=tolerance)
+        plain = plane_errors.angle_errors(
+            tilt_rad=np.radians(tilt_deg[chosen]), distance_m=np.linalg.norm(place_m[0]), arm_m=found.arm_m, **given
+        )
+        assert np.sqrt(np.mean(plain.rotation_rad**2)) > (1 + 3 * tolerance) * rms[1]
+
+
 def test_slope_is_the_derivative_of_the_projection_and_agrees_with_the_solvers():
     rng = np.random.default_rng(5)
     skewed = np.array([[1300.0, 3, 653], [0, 1250, 508], [0, 0, 1]])
