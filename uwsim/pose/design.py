@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uwsim.pose import error_model, plane_errors
+from uwsim.pose import error_model, limits, plane_errors
 from uwsim.pose.bound import bound
 from uwsim.pose.geometry import project, transform
 
 STEPS = 41
 _TURNS, _DIRECTIONS = 12, 8
 _FARTHEST = 4.0  # the sweep of distances: from a quarter to four times the working distance
-_FLAT_SHARE = 1e-6
+_SAME_SHARE = 1e-6
 
 
 class View(NamedTuple):
@@ -28,7 +28,6 @@ class Sweep(NamedTuple):
 
     quantity: str
     values: np.ndarray
-    tilts_rad: np.ndarray
     rotation: np.ndarray
     translation_m: np.ndarray
 
@@ -36,9 +35,10 @@ class Sweep(NamedTuple):
 class Curves(NamedTuple):
     """Errors (p,), root mean square over the orientations; NaN where in one of them the target leaves the picture.
 
-    `bound`: the least possible. `segments`, `segments_printed`: of the segments from the target's origin (5.28, 5.29),
-    each taken for an independent measurement of one angle, or of the distance, with the origin seen as a point is.
-    `plane_printed`: 5.11-5.13, of the whole rotation of flat targets; `plane_corrected`: of those with four points.
+    `bound`: the least possible. `segments`, `segments_printed`: of the segments from the points' centroid (5.28, 5.29),
+    each taken for an independent measurement of one angle, or of the centroid's distance, with the centroid seen as a
+    point is. The target's origin might be anywhere, and its image is no measurement.
+    `plane_corrected`, `plane_printed`: 5.11-5.13, of the whole rotation of a square; NaN for the layouts of `left_out`.
     """
 
     rotation_bound_deg: np.ndarray
@@ -57,10 +57,8 @@ def sweeps(view: View, *, distance_m: float, tilt_deg: float, steps: int = STEPS
     Each leaves the other two at `distance_m`, 0 and `tilt_deg`. Orientations: the target turned about its own z, then
     tilted towards directions all around. ValueError for a distance or a tilt out of range.
     """
-    if not (np.isfinite(distance_m) and distance_m > 0):
-        raise ValueError(f"distance: got {distance_m} m, allowed: above 0 m")
-    if not 0 <= tilt_deg <= 90:
-        raise ValueError(f"tilt: got {tilt_deg} deg, allowed: 0 to 90 deg")
+    limits.DISTANCE_M.check(distance_m, name="distance_m")
+    limits.TILT_DEG.check(tilt_deg, name="tilt_deg")
     depth_m = np.geomspace(distance_m / _FARTHEST, distance_m * _FARTHEST, steps)
     aside_m = np.linspace(0, (view.width_px - view.K[0, 2]) / view.K[0, 0] * distance_m, steps)
     tilts = np.linspace(0, np.pi / 2, steps)
@@ -79,7 +77,7 @@ def _sweep(quantity: str, values: np.ndarray, tilts_rad: np.ndarray, aside_m: np
     directions = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     angles = np.array([(d, t, turn) for t in tilts_rad for d in directions for turn in turns])
     rotation = Rotation.from_euler("ZYZ", angles).as_matrix().reshape(len(values), -1, 3, 3)
-    return Sweep(quantity, values, tilts_rad, rotation, np.stack([aside_m, np.zeros_like(aside_m), depth_m], axis=1))
+    return Sweep(quantity, values, rotation, np.stack([aside_m, np.zeros_like(aside_m), depth_m], axis=1))
 
 
 def flattened(sweep: Sweep) -> tuple[np.ndarray, np.ndarray]:
@@ -101,13 +99,18 @@ def curves(points_m: np.ndarray, sweep: Sweep, view: View) -> Curves:
     seen = in_picture(points_m, sweep, view)
     found = {name: np.full(len(seen), np.nan) for name in Curves._fields}
     if seen.any():
-        kept = sweep._replace(
-            values=sweep.values[seen], tilts_rad=sweep.tilts_rad[seen], rotation=sweep.rotation[seen],
-            translation_m=sweep.translation_m[seen],
-        )  # fmt: skip
+        kept = Sweep(sweep.quantity, sweep.values[seen], sweep.rotation[seen], sweep.translation_m[seen])
         for name, values in (_bounds(points_m, kept, view) | _formulas(points_m, kept, view)).items():
             found[name][seen] = values
     return Curves(**found)
+
+
+def left_out(points_m: np.ndarray) -> dict[str, str]:
+    """Return the curves that do not hold for points (n, 3) [m], and why."""
+    if plane_errors.square_of(points_m) is not None:
+        return {}
+    why = "the layout is no square of four points"
+    return dict.fromkeys(("rotation_plane_corrected_deg", "rotation_plane_printed_deg"), why)
 
 
 def _bounds(points_m: np.ndarray, sweep: Sweep, view: View) -> dict[str, np.ndarray]:
@@ -118,32 +121,24 @@ def _bounds(points_m: np.ndarray, sweep: Sweep, view: View) -> dict[str, np.ndar
 
 
 def _formulas(points_m: np.ndarray, sweep: Sweep, view: View) -> dict[str, np.ndarray]:
-    focal_px = np.sqrt(view.K[0, 0] * view.K[1, 1])
+    focal_px, places = np.sqrt(view.K[0, 0] * view.K[1, 1]), len(sweep.values)
+    rotation, translation_m = flattened(sweep)
+    centre_m = points_m.mean(axis=0)
+    around_m = points_m - centre_m
+    away_m = np.linalg.norm(around_m, axis=1)
+    apart_m = around_m[away_m > _SAME_SHARE * away_m.max()]
+    segments = error_model.segments(apart_m, rotation, rotation @ centre_m + translation_m)
+    square = plane_errors.square_of(points_m)
     found = {}
-    apart_m = points_m[np.linalg.norm(points_m, axis=1) > 0]
-    segments = error_model.segments(apart_m, *flattened(sweep))
     for form, end in (("corrected", ""), ("as_printed", "_printed")):
         length_m, angle_rad = error_model.errors(segments, noise=view.noise_px / focal_px, form=form)
-        combined = [
-            _combined(part, len(sweep.values)) for part in (np.degrees(angle_rad), length_m / segments.length_m)
-        ]
-        found |= {f"rotation_segments{end}_deg": combined[0], f"translation_segments{end}_percent": 100 * combined[1]}
-    return found | _plane_formulas(points_m, sweep, noise_px=view.noise_px, focal_px=focal_px)
-
-
-def _plane_formulas(points_m: np.ndarray, sweep: Sweep, *, noise_px: float, focal_px: float) -> dict[str, np.ndarray]:
-    """Return what 5.11-5.13 say of a flat target; nothing of a solid one."""
-    around_m = points_m - points_m.mean(axis=0)
-    if np.linalg.matrix_rank(around_m, tol=_FLAT_SHARE * np.linalg.norm(around_m)) == 3:
-        return {}
-    # half the edge of the square that spreads as these points do
-    arm_m = np.sqrt(np.sum(around_m**2) / (2 * len(points_m)))
-    given = {"tilt_rad": sweep.tilts_rad, "distance_m": sweep.translation_m[:, 2], "arm_m": arm_m}
-    given |= {"noise_px": noise_px, "focal_px": focal_px}
-    printed = plane_errors.angle_errors(**given, form="as_printed")
-    found = {"rotation_plane_printed_deg": np.degrees(printed.rotation_rad)}
-    if len(points_m) == 4:
-        found["rotation_plane_corrected_deg"] = np.degrees(plane_errors.angle_errors(**given).rotation_rad)
+        found[f"rotation_segments{end}_deg"] = _combined(np.degrees(angle_rad), places)
+        found[f"translation_segments{end}_percent"] = _combined(100 * length_m / segments.length_m, places)
+        if square is not None:
+            given = {"noise_px": view.noise_px, "focal_px": focal_px, "form": form}
+            turn_rad = plane_errors.square_errors(square, rotation, translation_m, **given).rotation_rad
+            name = f"rotation_plane{end or '_corrected'}_deg"
+            found[name] = np.degrees(np.sqrt(np.mean(turn_rad.reshape(places, -1) ** 2, axis=1)))
     return found
 
 

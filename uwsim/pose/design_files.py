@@ -11,11 +11,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.camera.pinhole import camera_matrix
 from uwsim.files import read_toml, write_atomically, write_json, write_text
-from uwsim.pose import design, design_trials
+from uwsim.pose import design, design_trials, limits
 from uwsim.pose.design_plots import plot_design
-from uwsim.validation import validated
+from uwsim.validation import validated, with_tuples
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Focal = Annotated[float, Field(ge=limits.FOCAL_PX.least, le=limits.FOCAL_PX.most, allow_inf_nan=False)]
+FieldOfView = Annotated[float, Field(ge=limits.FOV_DEG.least, le=limits.FOV_DEG.most, allow_inf_nan=False)]
+FILES = ("layout.png", "layout.json", "layout.csv")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=1, le=16384)]
 
@@ -23,12 +25,12 @@ Pixels = Annotated[int, Field(ge=1, le=16384)]
 class Pinhole(BaseModel):
     """A pinhole in the water: field of view, or K as (fx, fy, cx, cy) [px]."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     width_px: Pixels
     height_px: Pixels
-    horizontal_fov_deg: Annotated[float, Field(gt=0, lt=170)] | None = None
-    K_px: tuple[Positive, Positive, Finite, Finite] | None = None
+    horizontal_fov_deg: FieldOfView | None = None
+    K_px: tuple[Focal, Focal, Finite, Finite] | None = None
 
     @model_validator(mode="after")
     def _one_way(self):
@@ -54,14 +56,13 @@ def read_view(camera: str, *, fov_deg: float | None, focal_px: float | None, noi
 
     The file has width_px, height_px and horizontal_fov_deg or K_px. ValueError for anything else.
     """
-    if not (np.isfinite(noise_px) and noise_px > 0):
-        raise ValueError(f"--noise-px: got {noise_px}, allowed: above 0 px")
+    limits.NOISE_PX.check(noise_px, name="noise_px")
     given = {"--fov-deg": fov_deg, "--focal-px": focal_px}
     given = {name: value for name, value in given.items() if value is not None}
     if Path(camera).suffix.lower() == ".toml":
         if given:
             raise ValueError(f"{', '.join(given)}: got with the file {camera}, allowed: with a size")
-        pinhole = validated(Pinhole, read_toml(Path(camera)), where=camera)
+        pinhole = validated(Pinhole, with_tuples(read_toml(Path(camera))), where=camera)
     else:
         pinhole = _of_size(camera, given)
     return design.View(pinhole.K, pinhole.width_px, pinhole.height_px, float(noise_px))
@@ -90,9 +91,14 @@ def write_design(
 ) -> dict[str, float]:  # fmt: skip
     """Write layout.png, layout.json and layout.csv into the folder `out`; return the bound at the working distance.
 
-    `trials`: noisy images solved at each of some places; 0: none. ValueError where the target is nowhere whole in the
-    picture.
+    `trials`: noisy images solved at each of some places; 0: none. Nothing is written before all is made. ValueError
+    where the target is nowhere whole in the picture or its pose everywhere open, and for a file that is a folder.
     """
+    limits.TRIALS.check(trials, name="trials")
+    limits.SEED.check(seed, name="seed")
+    for file in FILES:
+        if (out / file).is_dir():
+            raise ValueError(f"{out / file}: is a folder, allowed: a file, or none yet")
     found = []
     for index, sweep in enumerate(design.sweeps(view, distance_m=distance_m, tilt_deg=tilt_deg)):
         rng = np.random.default_rng([seed, index])
@@ -100,23 +106,37 @@ def write_design(
         found.append(
             (sweep, curves, design_trials.tried(points_m, sweep, view, trials=trials, rng=rng) if trials else None)
         )
-    # the sweep off the axis begins at the working place itself
-    here = {key: float(getattr(found[1][1], key)[0]) for key in ("rotation_bound_deg", "translation_bound_percent")}
-    if not any(np.isfinite(curves.rotation_bound_deg).any() for _, curves, _ in found):
-        raise ValueError(
-            f"layout {name}: nowhere whole in the picture from {distance_m / 4:g} to {4 * distance_m:g} m, allowed: a "
-            "longer --distance-m, a smaller layout or a wider view"
-        )
+    _check_seen(name, [curves.rotation_bound_deg for _, curves, _ in found], distance_m=distance_m)
     given = {"layout": name, "points_m": points_m.tolist(), "K_px": view.K.tolist(), "width_px": view.width_px}
     given |= {"height_px": view.height_px, "noise_px": view.noise_px, "distance_m": distance_m, "tilt_deg": tilt_deg}
-    given |= {"trials": trials, "seed": seed}
+    given |= {"trials": trials, "seed": seed, "left_out": design.left_out(points_m)}
+    title = f"{name}, {len(points_m)} points; f = {view.K[0, 0]:.0f} px, noise {view.noise_px:g} px; where fixed: "
+    title += f"{distance_m:g} m, on the axis, tilted by {tilt_deg:g} deg"
+    picture = io.BytesIO()
+    plot_design(title, found, picture, left_out=given["left_out"])
     out.mkdir(exist_ok=True)
     write_json(out / "layout.json", given | {"sweeps": {one[0].quantity: _numbers(*one) for one in found}})
     write_text(out / "layout.csv", _csv(found))
-    title = f"{name}, {len(points_m)} points; f = {view.K[0, 0]:.0f} px, noise {view.noise_px:g} px; where fixed: "
-    title += f"{distance_m:g} m, on the axis, tilted by {tilt_deg:g} deg"
-    write_atomically(out / "layout.png", lambda path: plot_design(title, found, path))
-    return here
+    write_atomically(out / "layout.png", lambda path: path.write_bytes(picture.getvalue()))
+    # the sweep off the axis begins at the working place itself
+    here = found[1][1]
+    return {key: float(getattr(here, key)[0]) for key in ("rotation_bound_deg", "translation_bound_percent")}
+
+
+def _check_seen(name: str, bounds_deg: list[np.ndarray], *, distance_m: float) -> None:
+    """ValueError where no bound (p,) of all the sweeps is a number."""
+    if np.isfinite(np.concatenate(bounds_deg)).any():
+        return
+    ends = f"from {distance_m / 4:g} to {4 * distance_m:g} m"
+    if np.isnan(np.concatenate(bounds_deg)).all():
+        raise ValueError(
+            f"layout {name}: nowhere whole in the picture {ends}, allowed: a longer --distance-m, a smaller layout or "
+            "a wider view"
+        )
+    raise ValueError(
+        f"layout {name}: too small in the picture for a pose to follow {ends}, allowed: a shorter --distance-m or a "
+        "larger layout"
+    )
 
 
 def _numbers(sweep: design.Sweep, curves: design.Curves, trials: design_trials.Trials | None) -> dict:

@@ -1,6 +1,6 @@
 """Picture of a layout's expected errors. Matplotlib is imported where it draws."""
 
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -21,15 +21,20 @@ _ROTATION = (
 )
 _TRANSLATION = (
     ("translation_bound_percent", "k-", "bound, all points"),
-    ("translation_segments_percent", "C0--", "segments, 5.28 corrected"),
-    ("translation_segments_printed_percent", "C3:", "segments, 5.28 as printed"),
+    ("translation_segments_percent", "C0--", "segments, 5.28 corrected, of the centroid"),
+    ("translation_segments_printed_percent", "C3:", "segments, 5.28 as printed, of the centroid"),
 )
 # errors beyond these say no more than that there is no pose
 _MOST = 180.0
 
 
-def plot_design(title: str, found: list[tuple[Sweep, Curves, Trials | None]], path: Path) -> None:
-    """Draw rotation and translation errors over each sweep, and with trials the share of poses elsewhere, as PNG."""
+def plot_design(
+    title: str, found: list[tuple[Sweep, Curves, Trials | None]], file: BinaryIO, *, left_out: dict[str, str]
+) -> None:
+    """Draw rotation and translation errors over each sweep, and with trials the share of poses elsewhere, as PNG.
+
+    `left_out`: names of curves that the legend says to be left out, and why.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -52,14 +57,19 @@ def plot_design(title: str, found: list[tuple[Sweep, Curves, Trials | None]], pa
         panels, ("rotation error [deg]", "translation error [%]", "off by > 5 bounds [%]"), strict=False
     ):
         row[0].set_ylabel(label)
+    for name, style, label in _ROTATION + _TRANSLATION:
+        if name in left_out:
+            row = panels[0 if name.startswith("rotation") else 1]
+            row[-1].plot([], [], style, alpha=0.4, label=f"{label}:\nleft out, {left_out[name]}")
     for panel in panels.flat:
         panel.grid(alpha=0.3)
     for row in panels[:2]:
         _plain_ticks(row[0].yaxis)
         row[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.suptitle(title, fontsize=11)
+    # a file's name is no formula, whatever $ it has
+    figure.suptitle(title, fontsize=11, parse_math=False)
     # no date and no version in the file: the same picture has the same bytes
-    figure.savefig(path, dpi=110, format="png", metadata={"Software": None})
+    figure.savefig(file, dpi=110, format="png", metadata={"Software": None})
 
 
 def _draw(

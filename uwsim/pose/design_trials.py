@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uwsim.pose import limits
 from uwsim.pose.bound import bound
-from uwsim.pose.design import Sweep, View, in_picture
+from uwsim.pose.design import Sweep, View, curves
 from uwsim.pose.problems import Placed, images
 from uwsim.pose.solvers import best
 
@@ -29,14 +30,14 @@ class Trials(NamedTuple):
 def tried(
     points_m: np.ndarray, sweep: Sweep, view: View, *, trials: int, rng: np.random.Generator, places: int = PLACES
 ) -> Trials:
-    """Return errors of `trials` noisy images at each of some places of a sweep where points (n, 3) [m] are seen.
+    """Return errors of `trials` noisy images at each of some places of a sweep where points (n, 3) [m] hold a pose.
 
-    Orientations are drawn from those of the sweep. NaN where no pose is near the true one. ValueError for no trials.
+    Orientations are drawn from those of the sweep. NaN where no pose is near the true one. ValueError for no trials,
+    and for more than `limits.TRIALS`.
     """
-    if trials < 1:
-        raise ValueError(f"trials: got {trials}, allowed: 1 and above")
-    seen = np.flatnonzero(in_picture(points_m, sweep, view))
-    chosen = seen[np.unique(np.linspace(0, len(seen) - 1, places).round().astype(int))] if len(seen) else seen
+    limits.TRIALS._replace(least=1).check(trials, name="trials")
+    held = np.flatnonzero(np.isfinite(curves(points_m, sweep, view).rotation_bound_deg))
+    chosen = held[np.unique(np.linspace(0, len(held) - 1, places).round().astype(int))] if len(held) else held
     found = np.full((3, len(chosen)), np.nan)
     for index, place in enumerate(chosen):
         drawn = rng.integers(sweep.rotation.shape[1], size=trials)

@@ -146,7 +146,7 @@ def _rates(found: Segments) -> Rates:
     seen = np.linalg.norm(across - found.origin * cosine[..., None], axis=-1)
     turned = cosine + offset * sine
     near_m = depth_m - found.along_m[..., 2]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         return Rates(
             depth_m / seen,
             np.abs(near_m) / seen,
@@ -162,7 +162,7 @@ def _rates_as_printed(found: Segments) -> Rates:
     sine, root = np.sin(angle_rad), np.sqrt(np.abs(np.cos(angle_rad)))
     by_image = depth_m**2 * np.linalg.norm(found.image, axis=-1)
     by_off_axis = found.along_m[..., 2] ** 2 * np.linalg.norm(found.origin, axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         along, turned = length_m * sine**2, length_m**2 * sine * root
         return Rates(
             by_image / along, by_off_axis / along, length_m * root / sine, by_image / turned, by_off_axis / turned
