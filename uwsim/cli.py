@@ -39,9 +39,16 @@ def main() -> None:
         _fail("interrupted", code=130)
     except Exception as error:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of typer's parser
-            _fail(f"{error.format_message()} (see `uwsim --help`)")
+            _fail(f"{error.format_message() or _no_command(error)} (see `uwsim --help`)")
         raise
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _no_command(error: Exception) -> str:
+    """Return what to say of a bare group, whose help is printed but whose complaint is empty."""
+    context = error.ctx
+    group = context.command_path.removeprefix(context.find_root().command_path)
+    return f"no command after `uwsim{group}`, allowed: {', '.join(context.command.list_commands(context))}"
 
 
 def _fail(message: str, code: int = 2) -> None:

@@ -117,6 +117,17 @@ def test_the_library_has_the_same_limits(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_bare_group_is_one_line_and_its_help(monkeypatch, capsys):
+    for arguments, known in ((["uwsim", "pose"], "layout"), (["uwsim"], "bench")):
+        monkeypatch.setattr(sys, "argv", arguments)
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        told = capsys.readouterr()
+        assert stop.value.code == 2 and told.err.count("\n") == 1
+        assert told.err.startswith(f"uwsim: no command after `{' '.join(arguments)}`, allowed: ") and known in told.err
+        assert "Usage" in told.out
+
+
 def test_output_folder_that_cannot_be_is_refused(tmp_path, monkeypatch, capsys):
     assert run(monkeypatch, "square", *SIZE, "--out", tmp_path / "no" / "out") == 2
     assert "does not exist" in capsys.readouterr().err
