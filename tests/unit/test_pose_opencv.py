@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from uwsim.bench.photos import tags
 from uwsim.discovery import discover
 from uwsim.metrics.pose import rotation_error_deg, translation_error_percent
 from uwsim.pose import opencv, problems, robust, solvers
@@ -73,6 +74,16 @@ def test_ippe_of_targets_seen_face_on_up_to_round_off(turn, points):
     lost = [np.isnan(one).any() or rotation_error_deg(one[None], true[None])[0] > 10
             for one, true in zip(found, rotation, strict=True)]  # fmt: skip
     assert np.mean(lost) > 0.02
+
+
+@pytest.mark.parametrize("flip", [(1, -1), (1, 1), (-1, -1), (-1, 1)])
+def test_a_board_of_tags_seen_face_on_has_a_pose(flip):
+    """Corners as the plane has them, either way up and from either side. Control: corners 3 px off have an error."""
+    K = np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]])
+    square_m = SQUARE_M[:, :2]
+    seen_px = 600 * square_m + [320, 240]
+    assert tags._pose_error_px((square_m * flip)[None], seen_px[None], K) < 1e-5
+    assert tags._pose_error_px((square_m * flip)[None], (seen_px + [[3, 0], [0, 0], [0, 0], [0, 0]])[None], K) > 0.1
 
 
 @pytest.mark.parametrize("axis", "xyz")
