@@ -321,7 +321,7 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="A reduced run of a few cases.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Folder for the page: restoration, validity, blur..., pose, pnp; or sheets."),
+        typer.Option("--out", help="Folder for the page: restoration, validity, blur..., pose..., pnp...; or sheets."),
     ] = None,
     photos: Annotated[
         Path | None, typer.Option(help="restoration: folder of real photographs and videos instead of a dataset.")

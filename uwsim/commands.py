@@ -212,6 +212,7 @@ def run_on_photographs(
 def page_of(name: str, task: str, *, algorithms: list[str] | None):
     """Return the module whose `write` makes the page of a benchmark; ValueError unless there is one for such a run."""
     from uwsim.bench.blur_page import page as of_blur
+    from uwsim.bench.pnp_outliers import page as of_outliers
     from uwsim.bench.pnp_page import page as of_pnp
     from uwsim.bench.pose_page import page as of_pose
     from uwsim.bench.restoration_page import page as of_restoration
@@ -223,6 +224,8 @@ def page_of(name: str, task: str, *, algorithms: list[str] | None):
         return of_blur
     if task in of_pnp.TASKS:
         return of_pnp
+    if task in of_outliers.TASKS:
+        return of_outliers
     if task in of_pose.TASKS:
         return of_pose
     of_validity.check(name, algorithms=algorithms)

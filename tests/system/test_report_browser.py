@@ -2,9 +2,12 @@
 
 import json
 
+import cv2
+import numpy as np
 import pytest
 
 from tests.system.chromium import find, needs_browser, synthetic_dataset
+from tests.unit import synthetic
 from uwsim.bench.report import write_report
 from uwsim.bench.run import run
 
@@ -92,6 +95,22 @@ def test_cells_without_a_number_stay_last(opened):
     """
     up, down, end = opened.execute_script(script)
     assert up == down == end
+
+
+def test_the_true_axes_lie_on_the_board_of_the_frame(opened):
+    """Colours of the browser's own pixels half way along the projected axes. Control: those beside them, 8 px off."""
+    (overlay,) = find(opened, "#pose .overlay")
+    # the dashes of the estimate, which is nearly right here, would hide them
+    opened.execute_script("document.querySelectorAll('#pose .guess').forEach(line => line.remove())")
+    shot = cv2.imdecode(np.frombuffer(overlay.screenshot_as_png, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    scale = shot.shape[1] / synthetic.WIDTH_PX
+    length_m = 0.4 * np.hypot(2 * synthetic.MARKER_M + synthetic.GAP_M, synthetic.MARKER_M)
+    ends = synthetic.project(length_m * np.vstack([np.zeros(3), np.eye(3)]), synthetic.camera_from_board())
+    for end, colour in zip(ends[1:], [(0xFF, 0x5D, 0x55), (0x5F, 0xE0, 0x7A), (0x5C, 0xB0, 0xFF)], strict=True):
+        x, y = scale * (ends[0] + end) / 2
+        assert np.abs(shot[int(y), int(x)].astype(int) - colour).max() < 12
+        off = scale * 8
+        assert np.abs(shot[int(y - off), int(x - off)].astype(int) - colour).max() > 40
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

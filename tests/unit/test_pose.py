@@ -209,12 +209,13 @@ class TestSqpnp:
         assert not opencv_sqpnp.solve(SQUARE_M[None], np.full((1, 4, 2), 0.1)).ok[0]
 
     def test_too_far_is_not_a_wrong_pose(self):
-        """Beyond OpenCV's limit every pose is either right or not ok."""
-        rotation, _, points_m, points = problem(OCTAHEDRON_M, distance_m=40.0)
+        """In a batch that reaches from near to far beyond OpenCV's limit every pose is either right or not ok."""
+        near, far = (problem(OCTAHEDRON_M, distance_m=distance_m, seed=3) for distance_m in (10.0, 40.0))
+        rotation, _, points_m, points = (np.concatenate(parts) for parts in zip(near, far, strict=True))
         solution = opencv_sqpnp.solve(points_m, points)
-        assert not solution.ok.all()
-        errors_deg = rotation_error_deg(solution.rotation[solution.ok], rotation[solution.ok])
-        assert errors_deg.max(initial=0) < 1
+        assert solution.ok[:20].all() and not solution.ok[20:].any()
+        assert np.all(np.isnan(solution.translation_m[20:]))
+        assert rotation_error_deg(solution.rotation[:20], rotation[:20]).max() < 1e-3
 
     def test_three_points_are_refused(self):
         _, _, points_m, points = problem(SQUARE_M)

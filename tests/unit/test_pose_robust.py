@@ -1,5 +1,7 @@
 """Poses from points with outliers among them: found, refined on the inliers, or refused."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -109,25 +111,67 @@ def test_the_same_seed_gives_the_same_result():
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ({"threshold": 0.0}, "threshold is 0.0, allowed: above 0"),
-        ({"threshold": np.nan}, "threshold is nan"),
+        ({"threshold": 0.0}, "threshold is 0.0, allowed: a number above 0"),
+        ({"threshold": -1e-3}, "threshold is -0.001, allowed: a number above 0"),
+        ({"threshold": np.nan}, "threshold is nan, allowed: a number above 0"),
+        ({"threshold": np.inf}, "threshold is inf"),
+        ({"threshold": None}, "threshold is None"),
+        ({"threshold": "1e-3"}, "threshold is '1e-3'"),
+        ({"threshold": True}, "threshold is True"),
+        ({"threshold": np.ones((9, 2))}, "threshold is array"),
         ({"method": "lmeds"}, "method is 'lmeds', allowed: magsac, msac, ransac"),
-        ({"least_inliers": 3}, "least_inliers is 3"),
-        ({"confidence": 1.0}, "confidence is 1.0"),
-        ({"iterations": 0}, "iterations is 0"),
+        ({"least_inliers": 3}, "least_inliers is 3, allowed: a whole number, 4 and above"),
+        ({"least_inliers": 5.5}, "least_inliers is 5.5, allowed: a whole number, 4 and above"),
+        ({"least_inliers": None}, "least_inliers is None"),
+        ({"confidence": 1.0}, "confidence is 1.0, allowed: a number between 0 and 1"),
+        ({"confidence": np.nan}, "confidence is nan"),
+        ({"confidence": "high"}, "confidence is 'high'"),
+        ({"iterations": 0}, "iterations is 0, allowed: a whole number, 1 to 2147483647"),
+        ({"iterations": 2.5}, "iterations is 2.5, allowed: a whole number"),
+        ({"iterations": 2**40}, "iterations is 1099511627776"),
+        ({"seed": 2**40}, "seed is 1099511627776, allowed: a whole number, 0 to 2147483647"),
+        ({"seed": -1}, "seed is -1"),
+        ({"seed": 0.5}, "seed is 0.5"),
+        ({"seed": None}, "seed is None"),
         ({"least_inliers": 41}, "got 40 points, allowed: at least 41"),
     ],
 )
 def test_misuse_is_refused(options, what):
+    """In one line that names the place. Control: numbers of NumPy's types, and the largest seed, are taken."""
     placed, image, _ = spoilt(0)
-    with pytest.raises(ValueError, match=what):
+    with pytest.raises(ValueError, match=f"^robust: {re.escape(what)}") as caught:
         solve_robust(placed.points_m[0], image, **{"threshold": THRESHOLD, **options})
+    assert "\n" not in str(caught.value)
+    numbers = {"threshold": np.float32(2 * THRESHOLD), "least_inliers": np.int64(5), "iterations": np.int32(900)}
+    assert solve_robust(placed.points_m[0], image, seed=2**31 - 1, **numbers).solution.ok[0]
 
 
-def test_nan_and_other_shapes_are_refused():
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda target, image: (target, image[1:]), "got 40 points_m and 39 points, allowed: as many of each"),
+        (lambda target, image: (target[None], image[None]), "points_m has shape (1, 40, 3), allowed: (n, 3), one"),
+        (lambda target, image: (target[:, :2], image), "points_m has shape (40, 2), allowed: (n, 3)"),
+        (lambda target, image: (target.ravel(), image), "points_m has shape (120,)"),
+        (lambda target, image: (target, target), "points has shape (40, 3), allowed: (n, 2)"),
+        (lambda target, image: (target, image.T), "points has shape (2, 40)"),
+        (lambda target, image: (target[:0], image[:0]), "got 0 points, allowed: at least 5"),
+        (lambda target, image: (1.0, image), "points_m has shape ()"),
+        (lambda target, image: ("points", image), "points_m is a str that is no array of numbers, allowed: (n, 3)"),
+        (lambda target, image: ([[1, 2, 3], [1, 2]], image), "points_m is a list that is no array of numbers"),
+        (lambda target, image: (target, image + 1j), "points is a ndarray that is no array of numbers"),
+        (lambda target, image: (target, np.full_like(image, np.nan)), "points holds 80 NaN or infinite values"),
+        (lambda target, image: (target * np.inf, image), "points_m holds 120 NaN or infinite values"),
+    ],
+)  # fmt: skip
+def test_what_is_no_problem_is_refused(change, what):
+    """In one line that says what the function takes. Control: the same points as lists are taken."""
     placed, image, _ = spoilt(0)
-    with pytest.raises(ValueError, match="NaN"):
-        solve_robust(placed.points_m[0], np.full_like(image, np.nan), threshold=THRESHOLD)
-    with pytest.raises(ValueError, match="shapes"):
-        solve_robust(placed.points_m[0], image[1:], threshold=THRESHOLD)
+    with pytest.raises(ValueError, match=f"^robust: {re.escape(what)}") as caught:
+        solve_robust(*change(placed.points_m[0], image), threshold=THRESHOLD)
+    assert "\n" not in str(caught.value)
+    assert solve_robust(placed.points_m[0].tolist(), image.tolist(), threshold=THRESHOLD).solution.ok[0]
+
+
+def test_five_inliers_are_the_least_unless_said_otherwise():
     assert robust.LEAST_INLIERS == 5

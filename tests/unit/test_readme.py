@@ -1,12 +1,14 @@
-"""The TOML examples of the README are taken by the models they are examples of."""
+"""Examples of the README: TOML is taken by the models it is an example of, a program does what it says."""
 
 import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from uwsim.dataset.recipe import Recipe, draw_scene
+from uwsim.metrics.pose import rotation_error_deg
 from uwsim.scene import truth
 from uwsim.scene.models import Scene
 from uwsim.validation import validated
@@ -20,6 +22,23 @@ def blocks() -> list[dict]:
 
 def is_recipe(block: dict) -> bool:
     return "group" in block
+
+
+def programs() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+
+
+def test_the_example_of_outliers_runs_and_finds_what_it_says():
+    """Expected: the numbers in its comments, and the true pose. Control: the eight wrong points count as such."""
+    (text,) = (program for program in programs() if "solve_robust" in program)
+    names = {}
+    exec(compile(text, str(README), "exec"), names)
+    found, placed = names["found"], names["placed"]
+    assert f"found.solution.ok[0]  # {found.solution.ok[0]}\n" in text
+    assert f"found.inliers.sum()  # {found.inliers.sum()}\n" in text
+    assert not found.inliers[:8].any()
+    assert rotation_error_deg(found.solution.rotation, placed.rotation)[0] < 0.1
+    assert np.allclose(found.solution.translation_m, placed.translation_m, rtol=2e-3)
 
 
 def test_there_are_examples_of_a_scene_and_of_a_recipe():

@@ -6,11 +6,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from uwsim.bench.blur_controlled.protocol import Protocol as Frames
 from uwsim.bench.pnp.protocol import Protocol as Problems
+from uwsim.bench.pnp_outliers.protocol import Outliers
 from uwsim.files import find_shipped, read_toml
 from uwsim.validation import validated, with_tuples
 
 Name = Annotated[str, Field(min_length=1)]
-MADE_FROM = {"blur_controlled": "frames", "deconvolution": "frames", "pnp": "problems"}
+MADE_FROM = {"blur_controlled": "frames", "deconvolution": "frames", "pnp": "problems", "pnp_outliers": "outliers"}
 """Tasks whose cases are made while the benchmark runs, and the table that says how."""
 
 
@@ -54,6 +55,7 @@ class Definition(BaseModel):
     )
     frames: Annotated[Frames | None, Field(description="of tasks that make their frames")] = None
     problems: Annotated[Problems | None, Field(description="of the task that makes pose problems")] = None
+    outliers: Annotated[Outliers | None, Field(description="of the task that makes pose problems with outliers")] = None
     quick_dataset: Annotated[Name | None, Field(description="recipe of a smaller dataset for quick runs")] = None
     algorithms: Annotated[
         tuple[Name, ...] | None, Field(description="names in table order; left out: every file in the folder")
@@ -68,13 +70,13 @@ class Definition(BaseModel):
         needed, makes = MADE_FROM.get(self.task, "dataset"), self.task in MADE_FROM
         if getattr(self, needed) is None:
             raise ValueError(f"{needed}: missing, allowed: {'a table' if makes else 'a recipe'} with task {self.task}")
-        for other in ("dataset", "frames", "problems", *(["quick_dataset"] if makes else [])):
+        for other in ("dataset", "frames", "problems", "outliers", *(["quick_dataset"] if makes else [])):
             if other != needed and getattr(self, other) is not None:
                 raise ValueError(f"{other}: given with task {self.task}, allowed: {needed} alone")
         return self
 
     @property
-    def made_from(self) -> Frames | Problems | None:
+    def made_from(self) -> Frames | Problems | Outliers | None:
         """What the cases are made from, of tasks that make their own."""
         return getattr(self, MADE_FROM[self.task]) if self.task in MADE_FROM else None
 

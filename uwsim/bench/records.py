@@ -23,6 +23,7 @@ TITLES = {
     "milliseconds": "time", "microseconds_per_problem": "time by problem", "fail_percent": "failures",
     "rotation_ratio_to_ml": "rotation / ML*", "translation_ratio_to_ml": "translation / ML*",
     "missed_minimum_percent": "missed minimum", "no_pose_percent": "no pose", "exact_percent": "exact, no noise",
+    "right_percent": "right poses", "wrong_percent": "wrong poses",
     "relative_radiance_error": "image error",
 }  # fmt: skip
 _NOTE_KEYS = ("case", "algorithm", "metric")

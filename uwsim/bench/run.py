@@ -14,6 +14,7 @@ from uwsim.bench.blur_controlled import task as blur_controlled
 from uwsim.bench.definition import Definition, Variant, read_definition
 from uwsim.bench.kept import Kept, Scores
 from uwsim.bench.pnp import task as pnp
+from uwsim.bench.pnp_outliers import task as pnp_outliers
 from uwsim.bench.records import Record, Result, record_from_score, summarise
 from uwsim.bench.scoring import Job, by_workers, scores_of
 from uwsim.bench.task import Task, spread
@@ -26,7 +27,7 @@ from uwsim.metrics import METRICS
 
 _TASKS = (
     restoration.TASK, blur.TASK, blur_controlled.TASK, deconvolution.TASK, blur_undone.TASK, pose.TASK, pnp.TASK,
-    validity.TASK,
+    pnp_outliers.TASK, validity.TASK,
 )  # fmt: skip
 TASKS: dict[str, Task] = {task.name: task for task in _TASKS}
 Progress = Callable[[str, int, int], None]
@@ -262,7 +263,9 @@ def unscored_notes(found: dict[str, Scores]) -> list[str]:
 
 def _provenance(definition: Definition, dataset: Dataset, *, quick: bool, cases: int) -> dict:
     unused = {
-        key for key in ("dataset", "frames", "problems", "quick_dataset", "variants") if not getattr(definition, key)
+        key
+        for key in ("dataset", "frames", "problems", "outliers", "quick_dataset", "variants")
+        if not getattr(definition, key)
     }
     return {
         "definition": definition.model_dump(mode="json", exclude=unused),

@@ -71,6 +71,8 @@ METRICS = {
         Metric("missed_minimum_percent", "%", "lower"),
         Metric("below_best_known_percent", "%", "lower"),
         Metric("no_pose_percent", "%", "lower"),
+        Metric("right_percent", "%", "higher"),
+        Metric("wrong_percent", "%", "lower"),
         Metric("exact_percent", "%", "higher"),
         Metric("microseconds_per_problem", "us", "lower"),
         Metric("relative_radiance_error", "%", "lower"),

@@ -1,5 +1,6 @@
 """A pose from points some of which are wrong: random samples find who agrees, `best` the pose of those."""
 
+from numbers import Integral, Real
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -15,6 +16,8 @@ _ROUNDS = 10
 _FIRST_FACTOR = 2.0
 # OpenCV's thresholds are in pixels
 _FOCAL_PX = 1000.0
+# of OpenCV's numbers of 32 bits
+_MOST_WHOLE = 2**31 - 1
 
 
 class RobustSolution(NamedTuple):
@@ -43,10 +46,13 @@ def solve_robust(
     bound of the good points.
     Source: Barath and others, CVPR 2020 (MAGSAC++); Torr and Zisserman 2000 (MSAC); OpenCV's USAC, by name.
     """
-    _check_options(threshold, method, least_inliers, confidence, iterations)
-    given_m, given = check_points(
-        np.asarray(points_m, float)[None], np.asarray(points, float)[None], minimum=least_inliers, where="robust"
-    )
+    _check_options(threshold, method, least_inliers, confidence, iterations, seed)
+    given_m, given = _points(points_m, "points_m", 3)[None], _points(points, "points", 2)[None]
+    if given_m.shape[1] != given.shape[1]:
+        raise ValueError(
+            f"robust: got {given_m.shape[1]} points_m and {given.shape[1]} points, allowed: as many of each"
+        )
+    check_points(given_m, given, minimum=least_inliers, where="robust")
     start = _consensus(given_m[0], given[0], threshold, method, confidence, iterations, seed)
     if start is None:
         return _nothing(given_m, Status.NO_POSE)
@@ -109,14 +115,44 @@ def _nothing(points_m: np.ndarray, status: int) -> RobustSolution:
     return RobustSolution(none, np.zeros(points_m.shape[1], bool))
 
 
-def _check_options(threshold: float, method: str, least_inliers: int, confidence: float, iterations: int) -> None:
+def _points(values: object, name: str, columns: int) -> np.ndarray:
+    """Return points (n, columns) as float64; ValueError for what is none."""
+    try:
+        found = np.asarray(values)
+        # the imaginary part would be dropped without a word
+        found = found.astype(float) if found.dtype.kind != "c" else None
+    except (TypeError, ValueError):
+        found = None
+    if found is None:
+        kind = type(values).__name__
+        raise ValueError(f"robust: {name} is a {kind} that is no array of numbers, allowed: (n, {columns}) numbers")
+    if found.ndim != 2 or found.shape[1] != columns:
+        raise ValueError(f"robust: {name} has shape {found.shape}, allowed: (n, {columns}), one problem")
+    return found
+
+
+def _check_options(
+    threshold: object, method: object, least_inliers: object, confidence: object, iterations: object, seed: object
+) -> None:
     if method not in get_args(Method):
-        raise ValueError(f"robust: method is {method!r}, allowed: {', '.join(get_args(Method))}")
-    for name, value, fine, allowed in (
-        ("threshold", threshold, np.isfinite(threshold) and threshold > 0, "above 0"),
-        ("least_inliers", least_inliers, least_inliers >= 4, "4 and above"),
-        ("confidence", confidence, 0 < confidence < 1, "between 0 and 1"),
-        ("iterations", iterations, iterations >= 1, "1 and above"),
+        raise ValueError(f"robust: method is {_line(method)}, allowed: {', '.join(get_args(Method))}")
+    for name, value, low, high in (("threshold", threshold, 0.0, np.inf), ("confidence", confidence, 0.0, 1.0)):
+        if not (_is(Real, value) and low < value < high):
+            allowed = "a number above 0" if high == np.inf else "a number between 0 and 1"
+            raise ValueError(f"robust: {name} is {_line(value)}, allowed: {allowed}")
+    for name, value, low, high in (
+        ("least_inliers", least_inliers, 4, np.inf),
+        ("iterations", iterations, 1, _MOST_WHOLE),
+        ("seed", seed, 0, _MOST_WHOLE),
     ):
-        if not fine:
-            raise ValueError(f"robust: {name} is {value}, allowed: {allowed}")
+        if not (_is(Integral, value) and low <= value <= high):
+            allowed = f"a whole number, {low} and above" if high == np.inf else f"a whole number, {low} to {high}"
+            raise ValueError(f"robust: {name} is {_line(value)}, allowed: {allowed}")
+
+
+def _line(value: object) -> str:
+    return " ".join(repr(value).split())
+
+
+def _is(kind: type, value: object) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)

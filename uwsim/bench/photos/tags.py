@@ -8,6 +8,8 @@ import numpy as np
 
 from uwsim.bench.photos.layout import Layout
 from uwsim.pose.detect import opencv_markers
+from uwsim.pose.geometry import normalise
+from uwsim.pose.solvers import opencv_ippe
 
 TOLERANCE_PX = 4.0
 
@@ -118,9 +120,11 @@ def _pose_error_px(plane: np.ndarray, seen: np.ndarray, K: np.ndarray | None) ->
     if K is None:
         return np.nan
     points, pixels = np.pad(plane.reshape(-1, 2), ((0, 0), (0, 1))), seen.reshape(-1, 2)
-    solved, rotation, translation = cv2.solvePnP(points, pixels, K, None, flags=cv2.SOLVEPNP_IPPE)
-    if not solved:
+    start = opencv_ippe.solve(points[None], normalise(pixels, K)[None])
+    if not start.ok[0]:
         return np.nan
-    rotation, translation = cv2.solvePnPRefineLM(points, pixels, K, None, rotation, translation)
+    # as columns: of a row the refinement makes something else
+    vector, shift = cv2.Rodrigues(start.rotation[0])[0], start.translation_m.T.copy()
+    rotation, translation = cv2.solvePnPRefineLM(points, pixels, K, None, vector, shift)
     projected = cv2.projectPoints(points, rotation, translation, K, None)[0].reshape(-1, 2)
     return float(np.sqrt(np.mean(np.sum((projected - pixels) ** 2, axis=1))))

@@ -110,10 +110,14 @@ def solved(
         before = time.process_time()
         solution, _ = runner.timed(runner.entry(module, name, "solve"), points_m, points, where=where, **inputs)
         times.append(time.process_time() - before)
-    return _poses(solution, len(batch.points), where), 1e6 * min(times) / len(batch.points)
+    return poses_of(solution, len(batch.points), where), 1e6 * min(times) / len(batch.points)
 
 
-def _poses(solution: object, count: int, where: str) -> tuple[np.ndarray, np.ndarray]:
+def poses_of(solution: object, count: int, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a solver returned as rotation (B, 3, 3) and translation_m (B, 3), NaN without a pose.
+
+    ValueError, beginning with `where`, for what is no Solution of `count` problems.
+    """
     try:
         ok = np.asarray(solution.ok, bool).reshape(count)
         rotation = np.array(solution.rotation, float).reshape(count, 3, 3)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 
 from uwsim.bench.judged import Goal, shown
+from uwsim.bench.pnp_page import loop
 from uwsim.bench.pnp_page.study import BEST, PARALLEL, PARTS, PRINTED, PoseStudy, Ratio
 from uwsim.bench.pnp_page.tables import ratio_text
 
@@ -20,12 +21,17 @@ RMS_TO_BOUND = (0.9, 1.08)
 SMALL_BOUND_DEG = 5.0
 """Where the bound is larger, errors are not normal and it does not hold."""
 EXACT_PERCENT = 99.9
-EXACT = (BEST, "dlt", "rpnp", "dls", "opnp")
+EXACT = (BEST, "dlt", "epnp", "rpnp", "dls", "opnp")
+_EPNP_FOUR = (
+    "`epnp` has none of the stereo layout of four points (st4): four solid points leave four vectors, whose ten "
+    "products six distances cannot give, and those that its linear equations leave out are not zero there; `epnp_gn` "
+    "goes on from it over all betas."
+)
 _NEAR_FOUR = "best_with_rpnp"
 
 
-def of_solvers(study: PoseStudy) -> list[Goal]:
-    """Return the goals, in the order of what they are about."""
+def of_solvers(study: PoseStudy, by_loop: dict[str, float] | None = None) -> list[Goal]:
+    """Return the goals, in the order of what they are about; `by_loop`: `loop.times_by_loop`."""
     near = {few: [case for case in study.scored(near=True, flat=False)
                   if (study.conditions[case]["points"] < 5) == few] for few in (False, True)}  # fmt: skip
     return [
@@ -34,7 +40,8 @@ def of_solvers(study: PoseStudy) -> list[Goal]:
         _to_ml(study, BEST, HOLD_OUT_TO_ML, study.far_enough(use="hold_out"), "solid, layouts apart"),
         _to_ml(study, BEST, NEAR_TO_ML, near[False], "near the camera, five points and more"),
         _to_ml(study, _NEAR_FOUR, NEAR_TO_ML, near[True], "near the camera, four points"),
-        *_to_opnp(study), *_to_printed(study), *_robust(study), *_fast(study), _at_bound(study),
+        *_to_opnp(study), *_to_printed(study), *_robust(study), *_fast(study),
+        *loop.goals(TO_SQPNP, by_loop or {}), _at_bound(study),
     ]  # fmt: skip
 
 
@@ -80,6 +87,29 @@ def _exact(study: PoseStudy) -> list[Goal]:
         least = min(known, key=known.get)
         goals.append(Goal(text, f"least {known[least]:.2f} % ({least})", known[least] >= EXACT_PERCENT))
     return goals
+
+
+def exact_note(study: PoseStudy) -> str:
+    """Return which solvers are not exact without noise and where, in a sentence each; "" if all are."""
+    cases = [case for case in study.cases() if study.conditions[case]["noise_px"] == 0]
+    found = []
+    for method in study.methods:
+        shares = {case: study.value(case, method, "exact_percent") for case in cases}
+        least = {}
+        for case, share in shares.items():
+            if share < EXACT_PERCENT:
+                layout = study.conditions[case]["layout"]
+                least[layout] = min(share, least.get(layout, share))
+        # a start is exact nowhere
+        if least and max((share for share in shares.values() if not math.isnan(share)), default=0) > 0:
+            words = ", ".join(f"{share:.2f} % of {layout}" for layout, share in least.items())
+            found.append(f"`{method}` {words}")
+    if not found:
+        return ""
+    text = f"Without noise below {EXACT_PERCENT:g} % (least of a layout's settings): {'; '.join(found)}."
+    if any(one.startswith("`epnp` 0.00 % of st4") for one in found):
+        text += " " + _EPNP_FOUR
+    return text
 
 
 def _reproduced(study: PoseStudy) -> list[Goal]:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from uwsim.bench.judged import goal_table
-from uwsim.bench.pnp_page import dissertation, figures, goals, tables
+from uwsim.bench.pnp_page import dissertation, figures, goals, loop, tables
 from uwsim.bench.pnp_page.printed import printed
 from uwsim.bench.pnp_page.study import BEST, PRINTED, PoseStudy
 from uwsim.bench.records import Result
@@ -22,19 +22,20 @@ def write(folder: Path, *, result: Result, dataset: object) -> Path:
     figures.draw(study, folder)
     result.write(folder / JSON)
     page = folder / "README.md"
-    write_text(page, text(study))
+    write_text(page, text(study, loop.times_by_loop(folder)))
     return page
 
 
-def text(study: PoseStudy) -> str:
-    """Return the page."""
+def text(study: PoseStudy, by_loop: dict[str, float] | None = None) -> str:
+    """Return the page; `by_loop`: `loop.times_by_loop`."""
     origin = study.result.provenance
     parts = [
         "# Pose from points", _INTRODUCTION,
         f"{len(study.cases())} settings; seed {origin['dataset']['seed']}. {_trials(study)}"
         + (" **A quick run**: goals and claims are judged on few problems." if origin["quick"] else ""),
         _absent(study),
-        "## Goals", goal_table(goals.of_solvers(study)),
+        "## Goals", goal_table(goals.of_solvers(study, by_loop)),
+        goals.exact_note(study), loop.note(by_loop or {}),
         "## Geometric means of ratios of medians",
         "Rotation above translation, with 95 % intervals; settings of the dissertation's protocol in the groups that "
         "their heads say, and layouts that no method was set on (hold-out). All of them with noise.",

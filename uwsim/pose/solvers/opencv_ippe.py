@@ -1,7 +1,8 @@
 """OpenCV's IPPE: both poses of a flat target in closed form from its homography, one problem at a time.
 
-For flat targets only (`Status.WRONG_KIND` for others). OpenCV 5 loses rotations by exactly 180 deg, those of a flat
-target that faces the camera, when it makes vectors of them: its targets come turned.
+For flat targets only (`Status.WRONG_KIND` for others). OpenCV (4.11, 5.0) loses rotations by exactly 180 deg, those of
+a flat target that faces the camera, when it makes vectors of them: its targets come turned. Of exact images of a target
+seen face-on it makes NaN, by round-off: it gets those again, squeezed by 1e-14.
 
 Source: Collins and Bartoli, IJCV 109(3), 2014, "Infinitesimal plane-based pose estimation"; `cv2.solvePnPGeneric` with
 SOLVEPNP_IPPE.
@@ -28,7 +29,7 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     return solved(
         points_m,
         points,
-        opencv_core("SOLVEPNP_IPPE", turn_target=True),
+        opencv_core("SOLVEPNP_IPPE", mend_frontal=True),
         minimum=MINIMUM_POINTS,
         where="opencv_ippe",
         solid_ok=False,

@@ -1,0 +1,1 @@
+"""Pose from points with outliers among them, on problems with known answers."""
