@@ -8,7 +8,7 @@ rotation by the nearest one to the left 3 x 3 block.
 
 import numpy as np
 
-from uwsim.pose.batches import Centred, Poses, solved
+from uwsim.pose.batches import FLAT_SHARE, Centred, Poses, solved
 from uwsim.pose.control_points import nearest_rotation
 from uwsim.pose.solution import Solution
 
@@ -22,7 +22,9 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
 
     Degenerate or flat targets, points behind the camera: not ok. Fewer than 6 points, NaN or other shapes: ValueError.
     """
-    return solved(points_m, points, _core, minimum=MINIMUM_POINTS, where="dlt", flat_ok=False)
+    return solved(
+        points_m, points, _core, minimum=MINIMUM_POINTS, where="dlt", flat_ok=False, flat_share=FLAT_SHARE
+    )  # fmt: skip
 
 
 def _core(centred: Centred) -> Poses:

@@ -1,7 +1,8 @@
 """OpenCV's IPPE: both poses of a flat target in closed form from its homography, one problem at a time.
 
-For flat targets only (`Status.WRONG_KIND` for others). OpenCV 5 loses rotations by exactly 180 deg, those of a flat
-target that faces the camera, when it makes vectors of them: its targets come turned.
+For targets flat to 1e-6 only (`Status.WRONG_KIND` for others, also a board whose corners have been measured). OpenCV 5
+loses rotations by exactly 180 deg, those of a flat target that faces the camera, when it makes vectors of them: its
+targets come turned.
 
 Source: Collins and Bartoli, IJCV 109(3), 2014, "Infinitesimal plane-based pose estimation"; `cv2.solvePnPGeneric` with
 SOLVEPNP_IPPE.
@@ -9,7 +10,7 @@ SOLVEPNP_IPPE.
 
 import numpy as np
 
-from uwsim.pose.batches import solved
+from uwsim.pose.batches import FLAT_SHARE, solved
 from uwsim.pose.opencv import opencv_core
 from uwsim.pose.solution import Solution
 
@@ -32,4 +33,5 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
         minimum=MINIMUM_POINTS,
         where="opencv_ippe",
         solid_ok=False,
+        flat_share=FLAT_SHARE,
     )
