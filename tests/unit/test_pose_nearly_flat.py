@@ -10,7 +10,7 @@ from uwsim.metrics.pose import rotation_error_deg, translation_error_percent
 from uwsim.pose import batches, problems, solvers
 from uwsim.pose.affine import mirrored
 from uwsim.pose.solution import Status
-from uwsim.pose.solvers import best, parallel, paraperspective
+from uwsim.pose.solvers import best, dlt, parallel, paraperspective
 
 FOUND = {name: module for name, module in discover(solvers).items() if not module.NEEDS}
 WRAPPED = ("opencv_epnp", "opencv_ippe", "opencv_iterative", "opencv_sqpnp", "poselib")
@@ -165,6 +165,31 @@ class TestSolidAlone:
     @staticmethod
     def boards(*, noise_px, shares=(0.001, 0.01, 0.03, 0.09)):
         return seen(board_m, noise_px=noise_px, shares=shares, count=150)
+
+    def test_dlt_knows_where_its_matrix_is_no_rotation(self, monkeypatch):
+        """0.2 px of noise. Expected: hardly a pose that is off by 15 deg, the others refused or right. Negative
+        control: without the limit a third and more are wrong and ok."""
+        placed, points = self.boards(noise_px=0.2)
+        solution = dlt.solve(placed.points_m, points)
+        turned, _ = errors(solution, placed)
+        assert np.sum(turned[solution.ok] > WRONG_DEG) <= 0.003 * len(points)
+        assert set(solution.status[~solution.ok]) <= {Status.NO_POSE, Status.BEHIND}
+        assert 0.1 < solution.ok.mean() < 0.6
+        monkeypatch.setattr(dlt, "_MOST_UNLIKE", np.inf)
+        solution = dlt.solve(placed.points_m, points)
+        assert np.sum(errors(solution, placed)[0][solution.ok] > WRONG_DEG) > 0.3 * len(points)
+
+    def test_dlt_refuses_none_without_noise_and_no_solid_target(self):
+        """Exact images of points 0.1 to 9 % off a plane: all exact. Octahedra in noise that leaves no rotation to
+        speak of: all have what the method says, as their cost tells."""
+        placed, points = self.boards(noise_px=0.0)
+        solution = dlt.solve(placed.points_m, points)
+        assert solution.ok.all() and np.radians(errors(solution, placed)[0]).max() < 1e-6
+        rng = np.random.default_rng(2)
+        solid = problems.in_box(problems.layout("bi6", edge_m=0.1), count=200, rng=rng)
+        noisy = dlt.solve(solid.points_m, problems.images(solid, focal_px=80, noise_px=10, rng=rng))
+        assert not np.any(noisy.status == Status.NO_POSE)
+        assert np.median(errors(noisy, solid)[0]) > 30
 
     @pytest.mark.parametrize("form", ["two_constraints", "as_printed"])
     def test_printed_starts_are_for_solid_targets(self, form):
