@@ -1,5 +1,6 @@
 """A pose from points some of which are wrong: random samples find who agrees, `best` the pose of those."""
 
+from numbers import Integral, Real
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -43,10 +44,11 @@ def solve_robust(
     bound of the good points.
     Source: Barath and others, CVPR 2020 (MAGSAC++); Torr and Zisserman 2000 (MSAC); OpenCV's USAC, by name.
     """
-    _check_options(threshold, method, least_inliers, confidence, iterations)
-    given_m, given = check_points(
-        np.asarray(points_m, float)[None], np.asarray(points, float)[None], minimum=least_inliers, where="robust"
-    )
+    _check_options(threshold, method, least_inliers, confidence, iterations, seed)
+    points_m, points = np.asarray(points_m, float), np.asarray(points, float)
+    if points_m.ndim != 2 or points.ndim != 2:
+        raise ValueError(f"robust: got shapes {points_m.shape} and {points.shape}, allowed: (n, 3) and (n, 2)")
+    given_m, given = check_points(points_m[None], points[None], minimum=least_inliers, where="robust")
     start = _consensus(given_m[0], given[0], threshold, method, confidence, iterations, seed)
     if start is None:
         return _nothing(given_m, Status.NO_POSE)
@@ -109,14 +111,18 @@ def _nothing(points_m: np.ndarray, status: int) -> RobustSolution:
     return RobustSolution(none, np.zeros(points_m.shape[1], bool))
 
 
-def _check_options(threshold: float, method: str, least_inliers: int, confidence: float, iterations: int) -> None:
+def _check_options(
+    threshold: float, method: str, least_inliers: int, confidence: float, iterations: int, seed: int
+) -> None:
     if method not in get_args(Method):
         raise ValueError(f"robust: method is {method!r}, allowed: {', '.join(get_args(Method))}")
-    for name, value, fine, allowed in (
-        ("threshold", threshold, np.isfinite(threshold) and threshold > 0, "above 0"),
-        ("least_inliers", least_inliers, least_inliers >= 4, "4 and above"),
-        ("confidence", confidence, 0 < confidence < 1, "between 0 and 1"),
-        ("iterations", iterations, iterations >= 1, "1 and above"),
+    for name, value, whole, low, high, allowed in (
+        ("threshold", threshold, False, 0, np.inf, "above 0, finite"),
+        ("least_inliers", least_inliers, True, 3, np.inf, "4 and above"),
+        ("confidence", confidence, False, 0, 1, "between 0 and 1"),
+        ("iterations", iterations, True, 0, 2**31, "1 to 2147483647"),
+        ("seed", seed, True, -1, 2**31, "0 to 2147483647"),
     ):
-        if not fine:
-            raise ValueError(f"robust: {name} is {value}, allowed: {allowed}")
+        kind = Integral if whole else Real
+        if not (isinstance(value, kind) and low < value < high):
+            raise ValueError(f"robust: {name} is {value!r}, allowed: {'whole, ' if whole else ''}{allowed}")

@@ -68,16 +68,29 @@ class Solution(NamedTuple):
         infinite on the diagonal where the points leave part of the pose open.
 
         Valid: for the pose of least reprojection error, to first order in the noise; any other solver's scatters more.
-        ValueError where the method gave no information, or without spare residuals to estimate the noise from.
+        ValueError where the method gave no information, without spare residuals to estimate the noise from, and for a
+        noise that is none.
         """
         if self.information is None:
             raise ValueError("covariance: the method gives no information matrix, allowed: one with image points")
         if noise is None and self.freedom <= 0:
             raise ValueError("covariance: 3 points leave no residuals, allowed: a given noise, or 4 points and more")
-        if noise is not None and not np.all(np.asarray(noise) >= 0):
-            raise ValueError(f"covariance: noise is {noise}, allowed: 0 and above")
-        variance = self.cost / self.freedom if noise is None else np.broadcast_to(noise, self.ok.shape) ** 2
+        variance = self.cost / self.freedom if noise is None else _noise_of_each(noise, len(self.ok)) ** 2
         return variance[:, None, None] * _inverse(self.information, self.translation_m)
+
+
+def _noise_of_each(noise: float | np.ndarray, count: int) -> np.ndarray:
+    """Return standard deviations (count,) of a number or (count,); ValueError for what is none."""
+    try:
+        given = np.asarray(noise, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"covariance: noise is {noise!r}, allowed: a number, or one of each problem") from None
+    if given.shape not in ((), (count,)):
+        raise ValueError(f"covariance: noise has shape {given.shape}, allowed: a number or ({count},)")
+    fine = np.isfinite(given) & (given >= 0)
+    if not np.all(fine):
+        raise ValueError(f"covariance: noise is {given[~fine].flat[0]:g}, allowed: 0 and above, finite")
+    return np.broadcast_to(given, count)
 
 
 def _inverse(information: np.ndarray, translation_m: np.ndarray) -> np.ndarray:
