@@ -1,20 +1,27 @@
-"""What the pose solvers are given: pixels, covariances and noise that are none."""
+"""What the pose solvers are given: numbers out of range, pixels and covariances that are none; and what ok says."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from uwsim.bench.task import pinhole_points
 from uwsim.camera.flat_port import FlatPort
 from uwsim.camera.lens import Lens
+from uwsim.discovery import discover, missing_packages
 from uwsim.metrics.pose import rotation_error_deg
-from uwsim.pose import problems
+from uwsim.pose import problems, solvers
 from uwsim.pose.bound import bound
 from uwsim.pose.refine import refine
 from uwsim.pose.robust import solve_robust
+from uwsim.pose.solution import Status, accept
 from uwsim.pose.solvers import best, port_refined
 
+FOUND = {
+    name: module for name, module in discover(solvers).items() if not module.NEEDS and not missing_packages(module)
+}
 K = np.array([[351.0, 0, 240], [0, 351.0, 180], [0, 0, 1]])
 LENS = Lens(K=K, port=FlatPort(gap_m=0.03, thickness_m=0.012, n_glass=1.49, n_water=1.333))
 TARGET_M = problems.layout("bi6", edge_m=0.08)
@@ -156,3 +163,64 @@ def test_options_of_the_robust_search_out_of_range(options, what):
         solve_robust(placed.points_m[0], points[0], **{"threshold": 1e-3} | options)
     with pytest.raises(ValueError, match=re.escape("robust: got shapes (1, 6, 3) and (1, 6, 2), allowed: (n, 3)")):
         solve_robust(placed.points_m, points, threshold=1e-3)
+
+
+class TestMagnitudes:
+    @pytest.mark.parametrize("name", sorted(FOUND))
+    @pytest.mark.parametrize("which", ["points_m", "points"])
+    def test_a_number_beyond_all_measure_is_named(self, name, which):
+        """One coordinate of 1e160 in problem 2. Control: one of 1e60, whose squares are finite, ends no batch."""
+        placed, points = octahedra(4)
+        given = {"points_m": placed.points_m, "points": points}
+        what = f"{name}: {which} holds 1 values of magnitude above 1e+75, the first in problem 2, allowed: up to that"
+        with pytest.raises(ValueError, match=re.escape(what)):
+            FOUND[name].solve(**given | {which: with_one(given[which], (2, 1, 0), 1e160)})
+        if not getattr(FOUND[name], "SOLID_OK", True):
+            return
+        plain = FOUND[name].solve(**given)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            solution = FOUND[name].solve(**given | {which: with_one(given[which], (2, 1, 0), 1e60)})
+        assert plain.ok.all() and solution.ok[[0, 1, 3]].all()
+        np.testing.assert_allclose(solution.rotation[[0, 1, 3]], plain.rotation[[0, 1, 3]], atol=1e-6)
+
+    @pytest.mark.parametrize("scale", [1e-8, 1e10])
+    def test_units_do_not_matter(self, scale):
+        """Octahedra of 1e-9 m and 1e9 m. Expected: the poses of those of 0.1 m, times the scale."""
+        placed, points = octahedra(20, noise_px=0.5)
+        scaled, _ = octahedra(20, noise_px=0.5, scale=scale)
+        for name, module in FOUND.items():
+            if not getattr(module, "SOLID_OK", True):
+                continue
+            here, there = module.solve(placed.points_m, points), module.solve(scaled.points_m, points)
+            np.testing.assert_array_equal(here.ok, there.ok)
+            np.testing.assert_allclose(there.rotation, here.rotation, atol=1e-5, err_msg=name)
+            np.testing.assert_allclose(there.translation_m / scale, here.translation_m, rtol=1e-4, err_msg=name)
+
+    def test_a_pose_of_endless_cost_is_none(self):
+        """The square of an image at 1e200 is infinite. Control: at 1e100, and the other problem, it is not."""
+        placed, points = octahedra(2)
+        pose = placed.rotation, placed.translation_m, placed.points_m
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = accept(*pose, with_one(points, (0, 0, 0), 1e200))
+        assert found.status.tolist() == [Status.NO_POSE, Status.OK] and found.ok.tolist() == [False, True]
+        np.testing.assert_array_equal(found.rotation[0], np.eye(3))
+        assert np.all(np.isnan(found.translation_m[0])) and np.isnan(found.cost[0])
+        assert np.all(np.isnan(found.information[0])) and np.all(np.isfinite(found.information[1]))
+        assert accept(*pose, with_one(points, (0, 0, 0), 1e100)).ok.all()
+
+
+def test_ok_is_no_fit_and_the_cost_says_so():
+    """What `Status` states of the cost: chi-squared for the stated noise. Expected: 1 in 100 octahedra above its 99 %
+    quantile, to 4 standard errors of 2000. Negative control: with two names swapped they are ok, all above it, and the
+    noise they would need is 20 times the stated one in the median."""
+    noise_px, focal_px = 0.5, 1300.0
+    placed, points = octahedra(2000, noise_px=noise_px)
+    variance = (noise_px / focal_px) ** 2
+    right = best.solve(placed.points_m, points)
+    limit = variance * chi2.ppf(0.99, right.freedom)
+    assert right.ok.all() and np.mean(right.cost > limit) == pytest.approx(0.01, abs=4 * np.sqrt(0.0099 / 2000))
+    swapped = best.solve(placed.points_m[:100], points[:100, [1, 0, 2, 3, 4, 5]])
+    assert swapped.ok.mean() > 0.95 and np.all(swapped.cost[swapped.ok] > limit)
+    needed_px = focal_px * np.sqrt(swapped.cost[swapped.ok] / swapped.freedom)
+    assert np.median(needed_px) > 20 * noise_px
