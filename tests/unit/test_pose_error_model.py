@@ -342,7 +342,7 @@ def test_misuse_of_the_bound_is_refused():
         bound.bound(target_m, turn, place_m, K=np.eye(2), noise_px=0.5)
     with pytest.raises(ValueError, match="poses"):
         bound.bound(target_m, turn, place_m[0][None, None], **good)
-    with pytest.raises(ValueError, match="no covariance"):
+    with pytest.raises(ValueError, match="not positive definite"):
         bound.bound(target_m, turn, place_m, K=K, noise_px=-np.tile(np.eye(2), (6, 1, 1)))
     with pytest.raises(ValueError, match="of shape"):
         bound.bound(target_m, turn, place_m, K=K, noise_px=np.ones(3))

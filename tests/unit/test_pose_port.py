@@ -136,5 +136,5 @@ def test_wrong_covariances_are_refused():
         solved(best, pixels).covariance(noise=-1)
     with pytest.raises(ValueError, match="covariance_px2 has shape"):
         solved(port_refined, pixels, covariance_px2=np.eye(2))
-    with pytest.raises(ValueError, match="not positive definite"):
+    with pytest.raises(ValueError, match="matrices that are not positive definite"):
         solved(port_refined, pixels, covariance_px2=np.tile(-np.eye(2), (1, 6, 1, 1)))

@@ -45,6 +45,16 @@ def _start(centred: Centred, tilt: np.ndarray) -> Poses:
     return Poses(_rotation(rows, across, factor, tilt), placed_at(depth, middle))
 
 
+def mirrored(pose: Poses) -> Poses:
+    """Return the other poses that affine images of flat targets fit, third axis the normal, from one each.
+
+    The plane is mirrored in one across the line of sight to the centroid, which moves points along that line alone.
+    """
+    sight = pose.translation / np.linalg.norm(pose.translation, axis=1, keepdims=True)
+    along = (sight[:, None] @ pose.rotation) * [1, 1, -1]
+    return Poses(pose.rotation * [1, 1, -1] - 2 * sight[:, :, None] * along, pose.translation)
+
+
 def placed_at(depth: np.ndarray, middle: np.ndarray) -> np.ndarray:
     """Return places (B, 3) at depths (B,) seen at `middle` (B, 2)."""
     return depth[:, None] * np.concatenate([middle, np.ones((len(depth), 1))], axis=1)

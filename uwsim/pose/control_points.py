@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uwsim.pose.batches import Centred, Poses
+from uwsim.pose.batches import Centred, Poses, scatter_of
 
 PAIRS = {4: ((0, 0, 0, 1, 1, 2), (1, 2, 3, 2, 3, 3)), 3: ((0, 0, 1), (1, 2, 2))}
 """First and second control points of all distances."""
@@ -29,9 +29,10 @@ class Controls(NamedTuple):
 def control_points(centred: Centred) -> Controls:
     """Return the tips of the principal axes, as long as the spread along them, and the centroid last."""
     target = centred.target
-    count = 2 if centred.flat else 3
-    scatter = np.swapaxes(target, 1, 2) @ target / target.shape[1]
-    if centred.flat:
+    even = centred.flat and not centred.relief
+    count = 2 if even else 3
+    scatter = scatter_of(target)
+    if even:
         spread = np.sqrt(scatter[:, (0, 1), (0, 1)])
         axes = np.broadcast_to(np.eye(3)[:, :2], (len(target), 3, 2))
     else:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from uwsim.pose.affine import paraperspective_start
-from uwsim.pose.batches import Centred, Poses, least
+from uwsim.pose.batches import Centred, Poses, least, together
 from uwsim.pose.betas import first_betas, refined_betas
 from uwsim.pose.control_points import Controls, control_points, eigenvectors, in_camera, pose_of
 from uwsim.pose.marginalised import likely_controls
@@ -47,13 +47,8 @@ def by_covariance(centred: Centred) -> Poses:
     return least(together(found), centred)
 
 
-def together(found: list[Poses]) -> Poses:
-    """Return poses as candidates (k, B, ...)."""
-    return Poses(np.stack([one.rotation for one in found]), np.stack([one.translation for one in found]))
-
-
 def _least_vectors(centred: Centred, controls: Controls) -> np.ndarray:
-    return eigenvectors(controls.weights, centred.image)[1][..., : 3 if centred.flat else 4]
+    return eigenvectors(controls.weights, centred.image)[1][..., : controls.points.shape[1]]
 
 
 def _refined(

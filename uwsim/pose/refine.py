@@ -5,6 +5,7 @@ import numpy as np
 from uwsim.camera.lens import Lens
 from uwsim.camera.port import Status
 from uwsim.pose.batches import SAME_POSE
+from uwsim.pose.checks import check_pixels, whitening_of
 from uwsim.pose.solution import Solution, Twin, accept
 
 _TOLERANCE = 1e-14
@@ -19,11 +20,12 @@ def refine(
     Least squares over rotation vector and translation, of errors in pixels, or with `covariance_px2` (B, n, 2, 2) in
     their standard deviations; where `start` has no pose there is none. Exact for exact pixels. `cost` is the sum of
     these squares, and `information` (6, 6) belongs to them: `covariance(noise=1.0)` of the solution is that of the
-    pose, given covariances of the points. ValueError for covariances that are not positive definite.
+    pose, given covariances of the points. ValueError for points, pixels and covariances of other shapes or with NaN,
+    and for covariances that are not symmetric and positive definite.
 
     Source: Levenberg-Marquardt as in `scipy.optimize.least_squares`.
     """
-    whitening = _whitening(covariance_px2, pixels.shape)
+    points_m, pixels, whitening = _checked(start, points_m, pixels, covariance_px2)
     rotation, translation_m = start.rotation.copy(), start.translation_m.copy()
     cost, information = np.full(len(pixels), np.nan), np.full((len(pixels), 6, 6), np.nan)
     for index in np.flatnonzero(start.ok):
@@ -58,6 +60,24 @@ def least_refined(
     return chosen._replace(twin=twin)
 
 
+def _checked(
+    start: Solution, points_m: np.ndarray, pixels: np.ndarray, covariance_px2: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points and pixels as float64, and what makes errors [px] to uncorrelated ones of unit deviation."""
+    points_m = np.asarray(points_m, float)
+    if points_m.ndim != 3 or points_m.shape[2] != 3 or len(points_m) != len(start.ok):
+        raise ValueError(f"refine: got points {points_m.shape}, allowed: ({len(start.ok)}, n, 3), as many as poses")
+    if not np.all(np.isfinite(points_m)):
+        raise ValueError(
+            f"refine: points_m holds {np.sum(~np.isfinite(points_m))} NaN or infinite values, allowed: none"
+        )
+    pixels = check_pixels(pixels, (*points_m.shape[:2], 2), where="refine")
+    wanted = (*pixels.shape, 2)
+    if covariance_px2 is None:
+        return points_m, pixels, np.broadcast_to(np.eye(2), wanted)
+    return points_m, pixels, whitening_of(covariance_px2, wanted, name="covariance_px2", where="refine")
+
+
 def _chosen(use: np.ndarray, one: Solution, other: Solution) -> Solution:
     """Return the poses of `one` where `use` (B,), else of `other`."""
     fields = ("rotation", "translation_m", "ok", "status", "cost", "information")
@@ -65,19 +85,6 @@ def _chosen(use: np.ndarray, one: Solution, other: Solution) -> Solution:
     return other._replace(
         **{name: np.where(use.reshape(-1, *[1] * (a.ndim - 1)), a, b) for name, (a, b) in pairs.items()}
     )
-
-
-def _whitening(covariance_px2: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
-    """Return (B, n, 2, 2) that makes errors [px] to errors in standard deviations, uncorrelated."""
-    if covariance_px2 is None:
-        return np.broadcast_to(np.eye(2), (*shape, 2))
-    covariance_px2 = np.asarray(covariance_px2, float)
-    if covariance_px2.shape != (*shape, 2):
-        raise ValueError(f"refine: covariance_px2 has shape {covariance_px2.shape}, allowed: {(*shape, 2)}")
-    try:
-        return np.linalg.inv(np.linalg.cholesky(covariance_px2))
-    except np.linalg.LinAlgError:
-        raise ValueError("refine: covariance_px2 is not positive definite everywhere, allowed: only such") from None
 
 
 def _refined(

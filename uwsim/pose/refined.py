@@ -7,9 +7,6 @@ from uwsim.pose.batches import Centred, Poses, least_of
 from uwsim.pose.levenberg import STEPS, least_reprojection
 from uwsim.pose.reprojection import cost_of
 
-NEARLY_FLAT = 0.1
-"""Spread across the plane, as a share of the whole, below which both starts of a flat target are tried."""
-
 
 def refined(start: Poses, centred: Centred, *, steps: int = STEPS) -> tuple[Poses, np.ndarray]:
     """Return poses of least reprojection error near poses (B, 3, 3), (B, 3), and their costs (B,).

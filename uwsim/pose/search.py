@@ -6,13 +6,13 @@ from typing import Literal
 import numpy as np
 
 from uwsim.pose.affine import paraperspective_start
-from uwsim.pose.batches import Centred, Poses, least_of
+from uwsim.pose.batches import Centred, Poses, least_of, together
 from uwsim.pose.depth_weighted import depth_weighted_pose
 from uwsim.pose.edge_placing import by_placed_edges
 from uwsim.pose.levenberg import STEPS
 from uwsim.pose.multistart import tetrahedral_rotations
 from uwsim.pose.object_space import object_space_pose
-from uwsim.pose.parallel import from_start, together
+from uwsim.pose.parallel import from_start
 from uwsim.pose.refined import refined, starts_of
 
 Extra = Literal["needed", "always", "never"]
@@ -107,4 +107,4 @@ def _some(poses: Poses, index: np.ndarray) -> Poses:
 
 
 def _part(centred: Centred, index: np.ndarray) -> Centred:
-    return Centred(centred.target[index], centred.image[index], centred.origin[index], centred.flat)
+    return centred._replace(target=centred.target[index], image=centred.image[index], origin=centred.origin[index])

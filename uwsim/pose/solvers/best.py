@@ -16,7 +16,6 @@ from typing import get_args
 import numpy as np
 
 from uwsim.pose.batches import solved
-from uwsim.pose.refined import NEARLY_FLAT
 from uwsim.pose.search import Extra, least_reprojection_pose
 from uwsim.pose.solution import Solution
 
@@ -34,4 +33,4 @@ def solve(points_m: np.ndarray, points: np.ndarray, *, extra: Extra = "needed") 
     if extra not in get_args(Extra):
         raise ValueError(f"best: extra is {extra!r}, allowed: {', '.join(get_args(Extra))}")
     core = partial(least_reprojection_pose, extra=extra)
-    return solved(points_m, points, core, minimum=MINIMUM_POINTS, where="best", flat_share=NEARLY_FLAT)
+    return solved(points_m, points, core, minimum=MINIMUM_POINTS, where="best")

@@ -3,6 +3,10 @@
 For 6 points and more exact points give the exact pose, but where two of 6 fall into one image (the tips of a bipyramid
 seen along its axis); for 4 and 5 the linear equations leave products out that are not zero. The cost tells.
 
+Nearly flat targets (`uwsim.pose.batches.NEARLY_FLAT`), of which the paper does not speak, are solved by the flat form,
+then by Gauss-Newton on the distances of four control points, from that pose and its mirror image: see
+`uwsim.pose.epnp`.
+
 Source: Lepetit, Moreno-Noguer and Fua, IJCV 81(2), 2009; three control points for flat targets.
 """
 
@@ -22,7 +26,8 @@ NEEDS = ()
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    Degenerate points, points behind the camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
+    A nearly flat target's other pose is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4
+    points, NaN or other shapes: ValueError.
     """
     core = partial(by_linear_equations, refine=False)
     return solved(points_m, points, core, minimum=MINIMUM_POINTS, where="epnp")

@@ -25,7 +25,7 @@ NEEDS = ()
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A flat target's second minimum is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4
-    points, NaN or other shapes: ValueError.
+    A flat or nearly flat target's second minimum is the `twin`. Degenerate points, points behind the camera: not ok.
+    Fewer than 4 points, NaN or other shapes: ValueError.
     """
     return solved(points_m, points, depth_weighted_pose, minimum=MINIMUM_POINTS, where="opnp", chunk=CHUNK // STARTS)

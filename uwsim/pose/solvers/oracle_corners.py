@@ -26,4 +26,4 @@ def solve(
     `true_points` (B, n, 2): the same normalised, of a pinhole near to the lens. No pose where SQPnP finds none there.
     """
     start = opencv_sqpnp.solve(points_m, true_points)
-    return refine(start, np.asarray(points_m, float), np.asarray(true_pixels, float), lens=lens)
+    return refine(start, points_m, true_pixels, lens=lens)

@@ -28,7 +28,8 @@ NEEDS = ()
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    Of this pose and that of `parallel` the one of less reprojection error. A flat target's other pose is the `twin`.
-    Degenerate points, points behind the camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
+    Of this pose and that of `parallel` the one of less reprojection error; for flat and nearly flat targets from both
+    starts, the other pose is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4 points, NaN
+    or other shapes: ValueError.
     """
     return solved(points_m, points, by_covariance, minimum=MINIMUM_POINTS, where="parallel_covariance")

@@ -36,8 +36,9 @@ _FLOOR_SHARE = 1e-3
 def solve(points_m: np.ndarray, points: np.ndarray, *, form: str = "pairs") -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A flat target's two starts are both refined; the other pose is the `twin`. Degenerate points, points behind the
-    camera, weights that cannot be computed: not ok. Fewer than 4 points, NaN, other shapes or another form: ValueError.
+    Both starts of a flat or nearly flat target are refined; the other pose is the `twin`. Degenerate points, points
+    behind the camera, weights that cannot be computed: not ok. Fewer than 4 points, NaN, other shapes or another form:
+    ValueError.
     """
     if form not in FORMS:
         raise ValueError(f"parallel_weighted: form is {form!r}, allowed: {', '.join(FORMS)}")

@@ -4,7 +4,8 @@ Errors fall with the square of size by distance; what noise allows is not reache
 in `uwsim.pose.affine`.
 
 `form="two_constraints"` is 5.19-5.21 corrected, `form="as_printed"` with the misprint of 5.19; both for solid targets
-alone, since 5.18 gives of a flat one only the part in its plane.
+alone (`Status.WRONG_KIND`), since 5.18 gives of a flat one only the part in its plane, and of a nearly flat one a part
+across it that noise has made.
 
 Source: Horaud et al., IJCV 22(2), 1997; dissertation 5.17-5.21.
 Errata: 5.19 as printed divides by |I_p| twice, the second is |J_p|; 5.17 holds for a reference point that is seen, here
@@ -29,8 +30,8 @@ FORMS = ("closed", "two_constraints", "as_printed")
 def solve(points_m: np.ndarray, points: np.ndarray, *, form: str = "closed") -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A flat target has two poses, the other is the `twin`. Degenerate points, points behind the camera: not ok. Fewer
-    than 4 points, NaN, other shapes or another form: ValueError.
+    A flat or nearly flat target has two poses, the other is the `twin`. Degenerate points, points behind the camera:
+    not ok. Fewer than 4 points, NaN, other shapes or another form: ValueError.
     """
     if form not in FORMS:
         raise ValueError(f"paraperspective: form is {form!r}, allowed: {', '.join(FORMS)}")

@@ -9,7 +9,7 @@ Source: start as `paraperspective`; Levenberg-Marquardt over rotation and transl
 import numpy as np
 
 from uwsim.pose.batches import solved
-from uwsim.pose.refined import NEARLY_FLAT, refined_paraperspective
+from uwsim.pose.refined import refined_paraperspective
 from uwsim.pose.solution import Solution
 
 MINIMUM_POINTS = 4
@@ -23,7 +23,4 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     For flat and nearly flat targets the other minimum, where there is one, is the `twin`. Degenerate points, points
     behind the camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
     """
-    return solved(
-        points_m, points, refined_paraperspective, minimum=MINIMUM_POINTS, where="paraperspective_lm",
-        flat_share=NEARLY_FLAT,
-    )  # fmt: skip
+    return solved(points_m, points, refined_paraperspective, minimum=MINIMUM_POINTS, where="paraperspective_lm")

@@ -28,9 +28,7 @@ def solve(
 
     `points` (B, n, 2): the same normalised, of a pinhole near to the lens. `covariance_px2` (B, n, 2, 2), of the
     pixels; None: all alike. `covariance(noise=1.0)` of what is returned is that of the pose. No pose where `best` finds
-    none; ValueError as there.
+    none; ValueError as there, and as of `uwsim.pose.refine` for pixels and covariances.
     """
     start = best.solve(points_m, points)
-    return least_refined(
-        start, np.asarray(points_m, float), np.asarray(pixels, float), lens=lens, covariance_px2=covariance_px2
-    )
+    return least_refined(start, points_m, pixels, lens=lens, covariance_px2=covariance_px2)

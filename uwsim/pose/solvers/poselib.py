@@ -1,13 +1,14 @@
 """PoseLib: poses of three points at random, the best refined to least reprojection error, one problem at a time.
 
-All points count as inliers, the loss is plain squares, and the draws are the same from call to call.
+Nearly flat targets have no more wrong poses than least reprojection error has. All points count as inliers, the loss is
+plain squares, and the draws are the same from call to call.
 
 Source: Larsson and contributors, PoseLib, github.com/PoseLib/PoseLib; `poselib.estimate_absolute_pose`.
 """
 
 import numpy as np
 
-from uwsim.pose.batches import Centred, Poses, solved
+from uwsim.pose.batches import FLAT_SHARE, Centred, Poses, solved
 from uwsim.pose.solution import Solution
 
 MINIMUM_POINTS = 4
@@ -26,7 +27,7 @@ def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
 
     Degenerate points, points behind the camera: not ok. Fewer than 4 points, NaN or other shapes: ValueError.
     """
-    return solved(points_m, points, _core, minimum=MINIMUM_POINTS, where="poselib")
+    return solved(points_m, points, _core, minimum=MINIMUM_POINTS, where="poselib", flat_share=FLAT_SHARE)
 
 
 def _core(centred: Centred) -> Poses:

@@ -32,7 +32,7 @@ NEEDS = ()
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A flat target's second candidate is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4
-    points, NaN or other shapes: ValueError.
+    A flat or nearly flat target's second candidate is the `twin`. Degenerate points, points behind the camera: not ok.
+    Fewer than 4 points, NaN or other shapes: ValueError.
     """
     return solved(points_m, points, by_placed_edges, minimum=MINIMUM_POINTS, where="rpnp")

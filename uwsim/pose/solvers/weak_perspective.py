@@ -20,7 +20,7 @@ NEEDS = ()
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A flat target has two poses, the other is the `twin`. Degenerate points, points behind the camera: not ok. Fewer
-    than 4 points, NaN or other shapes: ValueError.
+    A flat or nearly flat target has two poses, the other is the `twin`. Degenerate points, points behind the camera:
+    not ok. Fewer than 4 points, NaN or other shapes: ValueError.
     """
     return solved(points_m, points, weak_perspective_start, minimum=MINIMUM_POINTS, where="weak_perspective")
