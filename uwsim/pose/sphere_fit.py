@@ -16,7 +16,7 @@ _SHARPEST_PX, _BLUNTEST = 0.12, 1.0
 """Of the blur: next to none, and one radius."""
 _LIGHT_SD = 1.0
 """What is known of the light beforehand: it comes from near the camera, tangents of the angle to its axis so large."""
-_MOST_LIGHT = 3.0
+_MOST_LIGHT, _ALIKE_LIGHT_SD = 3.0, 0.1
 _LEAST_SPARE = 10
 _OUTLIER_SDS = 4.0
 _ROUNDS, _HIDDEN_ROUNDS = 3, 2
@@ -38,7 +38,8 @@ class Fit(NamedTuple):
     `contrast`: mean brightness above the ground where it is seen; `explained`: share of the variance about the ground
     that the model explains. Of all balls of a fit: `blur_px`, standard deviation of the blur, and `left`, mean
     of what the model leaves (`sphere_model.loss`), pixels that it is far off included. `seen`: share of the ball that
-    is not hidden; `way_px` (2,): the way in the exposure, 0 without one.
+    is not hidden; `way_px` (2,): the way in the exposure, 0 without one; `light` (2,): tangents of the angle that the
+    light comes from, to the line of sight, towards +x and +y.
     """
 
     centre_px: np.ndarray
@@ -50,19 +51,22 @@ class Fit(NamedTuple):
     left: float
     seen: float
     way_px: np.ndarray
+    light: np.ndarray
 
 
-class _Prior(NamedTuple):
-    """Logs of the radii (n,) and their standard deviation, where something is known of them beforehand."""
+class Alike(NamedTuple):
+    """What other balls of the picture tell of one: its radius, `size_sd` that of the log, the light, and the blur."""
 
-    sizes: np.ndarray
-    sd: float
+    radius_px: float
+    light: np.ndarray
+    blur_px: float
+    size_sd: float = 0.1
 
 
 def fit_spheres(
     grey: np.ndarray, usable: np.ndarray, saturated: np.ndarray, *, centres_px: np.ndarray, radii_px: np.ndarray,
     shape: np.ndarray, within: tuple[np.ndarray, float] | None = None, way_px: np.ndarray | None = None,
-    size_sd: float | None = None,
+    alike: Alike | None = None,
 ) -> list[Fit] | None:  # fmt: skip
     """Return the fits to a linear picture (H, W) from rough centres (n, 2) and radii (n,); None where there is no disc.
 
@@ -70,10 +74,9 @@ def fit_spheres(
     `saturated` (H, W) bool are at least as bright as they are: the model may be brighter there at no cost. `shape`
     (2, 2), of determinant 1: the outline is the circle of a radius times it. `within`: middle and radius [px] of the
     disc that is looked at, with a border; default: that around all balls. `way_px` (2,): about the way that all of them
-    go in the exposure, drawn out along it; centres are those of its middle. `size_sd`: standard deviation of the log of
-    the radii about those given, where they are known; what is darker than the model then counts little from the start,
-    for something may hide it. Noise is taken as independent from pixel to pixel; what its variance is made of
-    (`_weights`) is found from the residuals.
+    go in the exposure, drawn out along it; centres are those of its middle. `alike`: what is known of the balls
+    beforehand; what is darker than the model then counts little from the start, for something may hide it. Noise is
+    taken as independent from pixel to pixel; what its variance is made of (`_weights`) is found from the residuals.
 
     Source: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (variable projection); the picture is this project's.
     """
@@ -84,34 +87,32 @@ def fit_spheres(
     fair = window.weights
     way = [] if way_px is None else way_px
     window = window._replace(weights=np.where(high, 0.0, fair), shared=SHARED + len(way))
-    unknowns = start = np.concatenate(
-        [[np.log(max(0.2 * radii.min(), 0.6)), 0, 0], way, *np.c_[centres - window.first, np.log(radii)]]
-    )
-    prior = None if size_sd is None else _Prior(np.log(radii), size_sd)
-    for number in range(_ROUNDS + (0 if prior is None else _HIDDEN_ROUNDS)):
-        if prior is not None and number < _HIDDEN_ROUNDS:
-            window = window._replace(weights=np.where(high, 0.0, fair) * clear(window, unknowns, fair))
-        unknowns = _solved(window, unknowns, prior, start)
+    shared = [np.log(max(0.2 * radii.min(), 0.6)), 0, 0] if alike is None else [np.log(alike.blur_px), *alike.light]
+    unknowns = start = np.concatenate([shared, way, *np.c_[centres - window.first, np.log(radii)]])
+    for number in range(_ROUNDS + (0 if alike is None else _HIDDEN_ROUNDS)):
+        if alike is not None and number < _HIDDEN_ROUNDS:
+            window = window._replace(weights=np.where(high, 0.0, fair) * clear(window, model(window, unknowns)[0]))
+        unknowns = _solved(window, unknowns, alike, start)
         if unknowns is None:
             return None
         picture = model(window, unknowns)[0]
         # saturated pixels that the model has brighter agree with it
         agreed = np.where(high & (picture >= window.values), 0.0, fair)
-        if prior is not None:
-            agreed = agreed * (clear(window, unknowns, fair) > _LEAST_CLEAR)
+        if alike is not None:
+            agreed = agreed * (clear(window, picture) > _LEAST_CLEAR)
         window = window._replace(weights=_weights(window._replace(weights=agreed), picture))
-    return _described(window, unknowns, prior, fair=np.where(high & (picture >= window.values), 0.0, fair))
+    return _described(window, unknowns, alike, fair=np.where(high & (picture >= window.values), 0.0, fair))
 
 
 def places_of_part(
-    grey: np.ndarray, usable: np.ndarray, *, centre_px: np.ndarray, radius_px: float, blur_px: float,
-    shape: np.ndarray, count: int,
-) -> np.ndarray:  # fmt: skip
+    grey: np.ndarray, usable: np.ndarray, alike: Alike, *, centre_px: np.ndarray, shape: np.ndarray, count: int
+) -> np.ndarray:
     """Return the rough centres (count, 2) of balls of about a radius of which a part is seen near a place.
 
     Those on a grid around the place whose pictures leave the least (`sphere_model.loss`), what is darker counting
     little.
     """
+    radius_px = alike.radius_px
     window = cut(grey, usable, centre_px, _PART_WINDOW * radius_px, np.linalg.inv(shape), radius_px)
     window, fair = window._replace(samples=1), window.weights
     steps = np.stack(np.meshgrid(*[np.arange(-_GRID, _GRID + 1) / _GRID] * 2), axis=-1).reshape(-1, 2)
@@ -119,9 +120,10 @@ def places_of_part(
     for step in steps[np.linalg.norm(steps, axis=1) < 1.01]:
         place = centre_px + radius_px * step
         for size in _SIZES:
-            tried = np.array([np.log(blur_px), 0, 0, *(place - window.first), np.log(size * radius_px)])
-            weighted = window._replace(weights=fair * clear(window, tried, fair))
-            found.append((loss(window, *model(weighted, tried), fair), *place))
+            ball = [*(place - window.first), np.log(size * radius_px)]
+            tried = np.array([np.log(alike.blur_px), *alike.light, *ball])
+            weighted = window._replace(weights=fair * clear(window, model(window, tried)[0]))
+            found.append((loss(window, model(weighted, tried)[0], fair), *place))
     apart: list[np.ndarray] = []
     for _, *place in sorted(found):
         if all(np.linalg.norm(place - other) > 1.5 * radius_px / _GRID for other in apart):
@@ -141,12 +143,14 @@ def _off(window: Window, unknowns: np.ndarray) -> np.ndarray:
     return np.sqrt(window.weights[used]) * (model(window, unknowns)[0] - window.values)[used]
 
 
-def _residuals(window: Window, unknowns: np.ndarray, prior: _Prior | None, noise: float) -> np.ndarray:
+def _residuals(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
     """Return residuals in standard deviations, those of the light's direction and of the sizes last."""
-    sizes = window.balls(unknowns)[:, 2]
-    known = [] if prior is None else (sizes - prior.sizes) / prior.sd
-    alike = (sizes - sizes.mean())[:-1] / _SAME_SIZE_SD
-    return np.concatenate([_off(window, unknowns) / noise, unknowns[1:SHARED] / _LIGHT_SD, alike, known])
+    light, sizes = unknowns[1:SHARED], window.balls(unknowns)[:, 2]
+    if alike is None:
+        known = [light / _LIGHT_SD, (sizes - sizes.mean())[:-1] / _SAME_SIZE_SD]
+    else:
+        known = [(light - alike.light) / _ALIKE_LIGHT_SD, (sizes - np.log(alike.radius_px)) / alike.size_sd]
+    return np.concatenate([_off(window, unknowns) / noise, *known])
 
 
 def _noise(window: Window, unknowns: np.ndarray) -> float:
@@ -155,7 +159,7 @@ def _noise(window: Window, unknowns: np.ndarray) -> float:
     return float(max(np.sqrt(off @ off / max(window.spare(unknowns), 1)), 1e-9))
 
 
-def _solved(window: Window, unknowns: np.ndarray, prior: _Prior | None, start: np.ndarray) -> np.ndarray | None:
+def _solved(window: Window, unknowns: np.ndarray, alike: Alike | None, start: np.ndarray) -> np.ndarray | None:
     from scipy.optimize import least_squares
 
     if window.spare(unknowns) < _LEAST_SPARE:
@@ -173,18 +177,18 @@ def _solved(window: Window, unknowns: np.ndarray, prior: _Prior | None, start: n
     balls_scale = np.c_[0.1 * radii, 0.1 * radii, np.full(len(radii), 0.1)].ravel()
     scale = np.concatenate([[0.3, 0.3, 0.3], np.full(len(way), 0.1 * radii.min()), balls_scale])
     found = least_squares(
-        lambda tried: _residuals(window, tried, prior, noise), np.clip(unknowns, low + 1e-6, high - 1e-6),
-        jac=lambda tried: _slope(window, tried, prior, noise), bounds=(low, high), x_scale=scale, xtol=1e-3, ftol=3e-4,
+        lambda tried: _residuals(window, tried, alike, noise), np.clip(unknowns, low + 1e-6, high - 1e-6),
+        jac=lambda tried: _slope(window, tried, alike, noise), bounds=(low, high), x_scale=scale, xtol=1e-3, ftol=3e-4,
         max_nfev=15,
     )  # fmt: skip
     to_limit = np.minimum(found.x - low, high - found.x)[window.shared :]
     return None if to_limit.min() < 1e-3 or not np.all(np.isfinite(found.x)) else found.x
 
 
-def _slope(window: Window, unknowns: np.ndarray, prior: _Prior | None, noise: float) -> np.ndarray:
-    here = _residuals(window, unknowns, prior, noise)
+def _slope(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
+    here = _residuals(window, unknowns, alike, noise)
     steps = _STEP * np.eye(len(unknowns))
-    return np.stack([(_residuals(window, unknowns + step, prior, noise) - here) / _STEP for step in steps], axis=-1)
+    return np.stack([(_residuals(window, unknowns + step, alike, noise) - here) / _STEP for step in steps], axis=-1)
 
 
 def _weights(window: Window, picture: np.ndarray) -> np.ndarray:
@@ -230,11 +234,11 @@ def _correlation(residuals: np.ndarray, used: np.ndarray) -> float:
     return float(max(shares[reach].sum(), smooth.prod(), 1.0))
 
 
-def _described(window: Window, unknowns: np.ndarray, prior: _Prior | None, *, fair: np.ndarray) -> list[Fit] | None:
+def _described(window: Window, unknowns: np.ndarray, alike: Alike | None, *, fair: np.ndarray) -> list[Fit] | None:
     used = window.used
     if window.spare(unknowns) < _LEAST_SPARE:
         return None
-    slope = _slope(window, unknowns, prior, _noise(window, unknowns))
+    slope = _slope(window, unknowns, alike, _noise(window, unknowns))
     if np.linalg.cond(slope) > 1e8:
         return None
     picture, ground = model(window, unknowns)
@@ -242,7 +246,7 @@ def _described(window: Window, unknowns: np.ndarray, prior: _Prior | None, *, fa
     covariance = np.linalg.inv(slope.T @ slope) * _correlation(residuals, used)
     about = (window.values - ground)[used]
     explained = 1 - np.sum((window.values - picture)[used] ** 2) / max(about @ about, 1e-300)
-    left, open_ = loss(window, picture, ground, fair), clear(window, unknowns, fair)
+    left, open_ = loss(window, picture, fair), clear(window, picture)
     way = unknowns[SHARED : window.shared] if window.shared > SHARED else np.zeros(2)
     seen, fits = np.ones(picture.shape, bool), []
     for number, (column, row, log_radius) in enumerate(window.balls(unknowns)):
@@ -254,7 +258,7 @@ def _described(window: Window, unknowns: np.ndarray, prior: _Prior | None, *, fa
             Fit(
                 window.first + place, covariance[own, own], radius, contrast, float(explained),
                 float(np.exp(unknowns[0])), left,
-                share, way,
+                share, way, unknowns[1:SHARED],
             )
         )  # fmt: skip
         seen &= ~inside

@@ -1,9 +1,11 @@
 """The picture of spheres that a fit compares with: lit balls, blurred, on a sloping ground.
 
-It is  b0 + b1 x + b2 y + blur(sum of (a0 [inside] + a1 max(0, n.l) [inside]) [not inside one in front]),  n the normal
-of the sphere under the pixel, l the direction of the light: a matt sphere under a far lamp, its dark side included, and
-one that shines by itself. Blur is a Gaussian and the pixel's own area. The a and b are those that fit best (variable
-projection): what is left unknown are places, radii, blur, direction of the light and the way in the exposure.
+It is  b0 [outside] + b1 x + b2 y + blur(sum of (a0 [inside] + a1 max(0, n.l) [inside]) [not inside one in front]),  n
+the normal of the sphere under the pixel, l the direction of the light: a matt sphere under a far lamp, its dark side
+included, and one that shines by itself. A sphere hides the ground behind it; what lies in front of both, the light that
+the water scatters, is in b0 and a0 alike. Blur is a Gaussian and the pixel's own area. The a and b are those that fit
+best, no a below 0 (variable projection): what is left unknown are places, radii, blur, direction of the light and the
+way in the exposure.
 """
 
 from typing import NamedTuple
@@ -15,7 +17,9 @@ SHARED, EACH = 3, 3
 window and the log of its radius."""
 _REACH_PX, _REACH = 3.0, 1.5
 _HIDDEN = 0.05
-"""Pixels darker than the model by more than about such a share of its brightest are hidden or in shadow."""
+"""Pixels darker than the model by more than about such a share of what a window spans are hidden or in shadow."""
+_DARK, _BRIGHT = 10, 98
+"""Percentiles that a window spans."""
 _SAMPLES_PER_RADIUS = 18
 _LEAST_SAMPLES, _MOST_SAMPLES = 2, 6
 """Samples of a pixel's side: centres are right to 0.001 radii or 0.005 px."""
@@ -27,13 +31,17 @@ _DEPENDENT = 1e-6
 
 
 class Window(NamedTuple):
-    """A cut-out: its first column and row, values (h, w), weights (h, w), back: picture to outline (2, 2), samples."""
+    """A cut-out: its first column and row, values (h, w), weights (h, w), back: picture to outline (2, 2), samples.
+
+    `hidden_below`: brightness less than the model's by so much tells that something hides a ball, or shades it.
+    """
 
     first: np.ndarray
     values: np.ndarray
     weights: np.ndarray
     back: np.ndarray
     samples: int
+    hidden_below: float = np.inf
     shared: int = SHARED  # unknowns that all balls have in common
 
     @property
@@ -65,8 +73,9 @@ def cut(picture: np.ndarray, usable: np.ndarray, centre_px, radius_px: float, ba
     samples = int(np.clip(np.ceil(_SAMPLES_PER_RADIUS / least_px), _LEAST_SAMPLES, _MOST_SAMPLES))
     values = np.asarray(picture[part], float)
     window = Window(low, values, np.ones(values.shape), back, samples)
-    inside = np.linalg.norm(window.aside_px(centre_px - low), axis=-1) <= reach
-    return window._replace(weights=(inside & usable[part]).astype(float))
+    inside = (np.linalg.norm(window.aside_px(centre_px - low), axis=-1) <= reach) & usable[part]
+    dark, bright = np.percentile(values[inside], (_DARK, _BRIGHT)) if inside.any() else (0.0, 0.0)
+    return window._replace(weights=inside.astype(float), hidden_below=max(_HIDDEN * (bright - dark), 1e-12))
 
 
 def model(window: Window, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -75,11 +84,12 @@ def model(window: Window, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     parts = basis[:, window.used] * np.sqrt(window.weights[window.used])
     values = window.values[window.used] * np.sqrt(window.weights[window.used])
     factors = _factors(parts @ parts.T, parts @ values)
-    return np.tensordot(factors, basis, axes=1), np.tensordot(factors[:_GROUND], basis[:_GROUND], axes=1)
+    ground = factors[0] + np.tensordot(factors[1:_GROUND], basis[1:_GROUND], axes=1)
+    return np.tensordot(factors, basis, axes=1), ground
 
 
 def _factors(products: np.ndarray, onto: np.ndarray) -> np.ndarray:
-    """Return the factors of least squares; no part takes light away."""
+    """Return the factors of least squares, none of a ball below 0."""
     kept, factors = np.arange(len(onto)), np.zeros(len(onto))
     while True:
         scale = 1 / np.sqrt(np.maximum(np.diag(products)[kept], 1e-300))
@@ -107,10 +117,13 @@ def _basis(window: Window, unknowns: np.ndarray) -> np.ndarray:
         parts = _sharp(window, balls, light)
     blur_px = float(np.exp(unknowns[0]))
     down, across = (_blurred_pixels(side, window.samples, blur_px) for side in (height, width))
-    ground = np.ones((_GROUND, height, width))
+    discs = down @ parts @ across.T
+    ground = np.empty((_GROUND, height, width))
+    # evenly bright parts come first of each ball's
+    ground[0] = 1 - discs[::_PARTS].sum(axis=0)
     ground[1] = (np.arange(width) + 0.5 - width / 2) / width
     ground[2] = ((np.arange(height) + 0.5 - height / 2) / height)[:, None]
-    return np.concatenate([ground, down @ parts @ across.T])
+    return np.concatenate([ground, discs])
 
 
 def _blurred_pixels(count: int, samples: int, blur_px: float) -> np.ndarray:
@@ -156,20 +169,14 @@ def _sharp(window: Window, balls: np.ndarray, light: np.ndarray) -> np.ndarray:
     return parts
 
 
-def clear(window: Window, unknowns: np.ndarray, fair: np.ndarray) -> np.ndarray:
-    """Return weights (h, w): small where the picture is much darker than the model, 1 elsewhere."""
-    picture, ground = model(window, unknowns)
-    below = np.clip(picture - window.values, 0, None) / _hidden_below(picture, ground, fair)
+def clear(window: Window, picture: np.ndarray) -> np.ndarray:
+    """Return weights (h, w): small where the window is much darker than a model's picture, 1 elsewhere."""
+    below = np.clip(picture - window.values, 0, None) / window.hidden_below
     return 1 / (1 + below**2) ** 2
 
 
-def loss(window: Window, picture: np.ndarray, ground: np.ndarray, fair: np.ndarray) -> float:
+def loss(window: Window, picture: np.ndarray, fair: np.ndarray) -> float:
     """Return the mean square of residuals, those of pixels darker than the model counted up to a limit."""
-    limit = _hidden_below(picture, ground, fair)
-    off = window.values - picture
+    off, limit = window.values - picture, window.hidden_below
     squares = np.where(off > 0, off**2, off**2 * limit**2 / (off**2 + limit**2))
     return float(np.average(squares, weights=fair))
-
-
-def _hidden_below(picture: np.ndarray, ground: np.ndarray, fair: np.ndarray) -> float:
-    return _HIDDEN * max(float((picture - ground)[fair > 0].max()), 1e-12)

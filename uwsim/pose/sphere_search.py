@@ -12,7 +12,7 @@ import numpy as np
 
 from uwsim.camera.lens import Lens
 from uwsim.pose.sphere_candidates import Candidate
-from uwsim.pose.sphere_fit import Fit, fit_spheres, places_of_part
+from uwsim.pose.sphere_fit import Alike, Fit, fit_spheres, places_of_part
 from uwsim.pose.sphere_outline import local_map, shape_of, shape_of_moments
 
 _LEAST_EXPLAINED, _LEAST_CONTRAST_SDS = 0.6, 3.0
@@ -20,8 +20,8 @@ _CLEAN = 0.025
 """A ball that leaves less than this share of its contrast needs no other explanation."""
 _WELL_EXPLAINED, _ELONGATED = 0.97, 1.1
 """Below this share explained, or so much longer than wide, a blob may be two spheres; if so long, a streak, too."""
-_TWO_LEAVE, _STREAK_LEAVES = 0.7, 0.7
-"""What they may leave, of what one ball leaves."""
+_TWO_LEAVE, _TWO_IN_MOTION, _STREAK_LEAVES = 0.7, 0.1, 0.7
+"""What they may leave, of what one ball leaves; two in a picture in motion, of what a streak leaves."""
 _LEAST_OF_TWO = 0.25
 """Least contrast of the fainter of two, over the other's."""
 _ALIKE = 0.3
@@ -30,13 +30,14 @@ _MOMENTS_RADII, _MOMENTS_LEAST = 2.0, 0.2
 _OTHERS_RADII, _OTHERS_PX = 1.15, 1.0
 _SOUND, _LEAST_SOUND = 0.99, 3
 """A fit that explains so much shows a whole sphere; with so many of them the size of the others is known."""
-_SIZE_SD, _LIKE_SIZE = 0.1, 0.3
-"""Standard deviation of the log of that size; what is off by more than the second is no whole sphere."""
-_WHOLE_EXPLAINED = 0.97
+_ALIKE_PARTS = ("radius_px", "light", "blur_px")
+_LIKE_SIZE = 0.3
+"""A fit whose radius's log is off by more than this is no whole sphere."""
+_WHOLE_EXPLAINED, _PAIR_EXPLAINED = 0.97, 0.95
 _LEAST_SEEN, _AS_WELL = 0.3, 2.0
 """Share of a sphere that must be seen; what it may leave, of what the fit to the part alone leaves."""
-_SAME_PLACE, _LEAST_PART = 0.3, 0.6
-"""In units of the size: parts that come to one place closer than this are of one sphere; smaller ones are none."""
+_SAME_PLACE = 0.3
+"""Parts that come to one place, closer than this in units of the size, are of one sphere."""
 _PLACES = 2
 
 
@@ -54,6 +55,11 @@ class _Look(NamedTuple):
     middle: np.ndarray | None
     moments: np.ndarray | None
 
+    @property
+    def sure(self) -> bool:
+        """Whether it surely is the one ball."""
+        return self.one is not None and _is_sphere(self.one, least=_SOUND)
+
 
 class Search(NamedTuple):
     """The picture (H, W) in linear light, where it is saturated (H, W) bool, and the lens if known."""
@@ -64,18 +70,23 @@ class Search(NamedTuple):
 
     def spheres(self, blobs: list[Candidate]) -> list[list[Fit]]:
         """Return the spheres that the blobs show, those that were fitted together in one list."""
-        looked = [self._look(blob, blobs[:number] + blobs[number + 1 :]) for number, blob in enumerate(blobs)]
-        looks = [look for look in looked if look is not None]
-        if _move_alike([look.streak.way_px for look in looks if look.streak is not None], len(looks)):
-            moving = [look.streak or look.one for look in looks]
-            return [[fit] for fit in moving if fit is not None and _is_sphere(fit)]
-        return self._mended(self._together([fits for fits in map(self._at_rest, looks) if fits]))
+        looks: list[_Look] = []
+        for number, blob in enumerate(blobs):
+            # pixels of spheres that are surely known belong to them
+            known = [look.one for look in looks if look.sure]
+            others = [look.blob for look in looks if not look.sure] + blobs[number + 1 :]
+            look = self._look(blob, others, known)
+            if look is not None:
+                looks.append(look)
+        moving = _move_alike([look.streak.way_px for look in looks if look.streak is not None], len(looks))
+        found = [fits for fits in (self._chosen(look, moving=moving) for look in looks) if fits]
+        return found if moving else self._mended(self._together(found))
 
-    def _look(self, blob: Candidate, others: list[Candidate]) -> _Look | None:
+    def _look(self, blob: Candidate, others: list[Candidate], known: list[Fit]) -> _Look | None:
         shape = self._shape(blob.centre_px)
-        if shape is None:
+        if shape is None or any(np.linalg.norm(blob.centre_px - one.centre_px) < one.radius_px for one in known):
             return None
-        usable = ~_covered(self.grey.shape, others, [blob])
+        usable = ~_covered(self.grey.shape, others, [blob]) & ~_discs(self.grey.shape, known)
         one = self._one(blob, usable)
         if one is not None and one.left < (_CLEAN * one.contrast) ** 2:
             return _Look(blob, usable, one, None, None, None)
@@ -91,13 +102,14 @@ class Search(NamedTuple):
             middle = moments = None
         return _Look(blob, usable, one, streak, middle, moments)
 
-    def _at_rest(self, look: _Look) -> list[Fit]:
-        """Return what a blob is in a picture at rest: one sphere, or two, or none."""
+    def _chosen(self, look: _Look, *, moving: bool) -> list[Fit]:
+        """Return what a blob is: one sphere, where all move one in motion, or two, or none."""
+        one = look.streak if moving and look.streak else look.one
         if look.moments is not None:
             two = self._split(look)
-            if two and (look.one is None or two[0].left < _TWO_LEAVE * look.one.left):
+            if two and (one is None or two[0].left < (_TWO_IN_MOTION if moving else _TWO_LEAVE) * one.left):
                 return two
-        return [look.one] if look.one is not None and _is_sphere(look.one) else []
+        return [one] if one is not None and _is_sphere(one) else []
 
     def _together(self, groups: list[list[Fit]]) -> list[list[Fit]]:
         """Return the groups with single spheres that touch fitted together, the nearest first."""
@@ -119,7 +131,8 @@ class Search(NamedTuple):
         sound = [fit for group in groups for fit in group if fit.explained > _SOUND]
         if len(sound) < _LEAST_SOUND:
             return groups
-        size = float(np.median([fit.radius_px for fit in sound]))
+        alike = Alike(*(np.median([getattr(fit, part) for fit in sound], axis=0) for part in _ALIKE_PARTS))
+        size = alike.radius_px
         whole = [fit for group in groups for fit in group if _is_whole(fit, size, alone=len(group) == 1)]
         found, places = [], [fit.centre_px for fit in whole]
         for group in groups:
@@ -128,7 +141,7 @@ class Search(NamedTuple):
                 if any(fit is other for other in whole):
                     kept.append(fit)
                     continue
-                one = self._completed(fit, size, whole)
+                one = self._completed(fit, alike, whole)
                 # parts of one sphere come to the same place
                 if one and all(np.linalg.norm(one.centre_px - place) >= _SAME_PLACE * size for place in places):
                     places.append(one.centre_px)
@@ -136,24 +149,20 @@ class Search(NamedTuple):
             found.append(kept)
         return found
 
-    def _completed(self, fit: Fit, size_px: float, whole: list[Fit]) -> Fit | None:
-        """Return the sphere of about that size of which a fit shows a part, or the fit; None where it is neither."""
+    def _completed(self, fit: Fit, alike: Alike, whole: list[Fit]) -> Fit | None:
+        """Return the sphere like the others of which a fit shows a part; None where it is not surely one."""
         shape, usable = self._shape(fit.centre_px), ~_discs(self.grey.shape, whole)
-        blur = float(np.median([one.blur_px for one in whole])) if whole else fit.blur_px
-        starts = places_of_part(
-            self.grey, usable, centre_px=fit.centre_px, radius_px=size_px, blur_px=blur, shape=shape, count=_PLACES
-        )
+        starts = places_of_part(self.grey, usable, alike, centre_px=fit.centre_px, shape=shape, count=_PLACES)
         tried = [
             fit_spheres(
-                self.grey, usable, self.saturated, centres_px=start, radii_px=size_px, shape=shape,
-                within=(fit.centre_px, 2.0 * size_px), size_sd=_SIZE_SD,
+                self.grey, usable, self.saturated, centres_px=start, radii_px=alike.radius_px, shape=shape,
+                within=(fit.centre_px, 2.0 * alike.radius_px), alike=alike,
             )
             for start in starts
         ]  # fmt: skip
         best = min((one[0] for one in tried if one), key=lambda one: one.left, default=None)
-        if best is not None and _is_sphere(best) and best.seen > _LEAST_SEEN and best.left < _AS_WELL * fit.left:
-            return best
-        return fit if fit.radius_px > _LEAST_PART * size_px else None
+        surely = best is not None and _is_sphere(best) and best.seen > _LEAST_SEEN
+        return best if surely and best.left < _AS_WELL * fit.left else None
 
     def _shape(self, place_px: np.ndarray) -> np.ndarray | None:
         """Return the shape (2, 2) of a small outline there; None where no ray goes."""
@@ -195,15 +204,18 @@ class Search(NamedTuple):
         return fits if faint > _LEAST_OF_TWO * bright else None
 
 
-def _is_sphere(fit: Fit) -> bool:
+def _is_sphere(fit: Fit, *, least: float = _LEAST_EXPLAINED) -> bool:
     # a centre that is not known to its own radius is none
     sure = np.sqrt(np.linalg.eigvalsh(fit.covariance_px2)[-1]) * _LEAST_CONTRAST_SDS <= fit.radius_px
-    return bool(fit.explained >= _LEAST_EXPLAINED and fit.contrast > 0 and sure)
+    return bool(fit.explained >= least and fit.contrast > 0 and sure)
 
 
 def _is_whole(fit: Fit, size_px: float, *, alone: bool) -> bool:
-    """Whether a fit shows a whole sphere of about that size, or one of two such."""
-    return (fit.explained > _WHOLE_EXPLAINED or not alone) and abs(np.log(fit.radius_px / size_px)) < _LIKE_SIZE
+    """Whether a fit shows a whole sphere, surely or of about that size, or one of two such."""
+    like = abs(np.log(fit.radius_px / size_px)) < _LIKE_SIZE
+    if not alone:
+        return like and fit.explained > _PAIR_EXPLAINED
+    return fit.explained > (_WHOLE_EXPLAINED if like else _SOUND)
 
 
 def _gap(one: Fit, other: Fit) -> float:
@@ -213,8 +225,8 @@ def _gap(one: Fit, other: Fit) -> float:
 
 
 def _move_alike(ways: list[np.ndarray], count: int) -> bool:
-    """Whether half of all blobs and more are drawn out, in about the same way."""
-    if not ways or 2 * len(ways) < count:
+    """Whether more than half of all blobs are drawn out, in about the same way."""
+    if 2 * len(ways) <= count:
         return False
     longest = max(ways, key=np.linalg.norm)
     # a way turned round is the same
