@@ -31,8 +31,8 @@ _OTHERS_RADII, _OTHERS_PX = 1.15, 1.0
 _SOUND, _LEAST_SOUND = 0.99, 3
 """A fit that explains so much shows a whole sphere; with so many of them the size of the others is known."""
 _ALIKE_PARTS = ("radius_px", "light", "blur_px")
-_LIKE_SIZE = 0.3
-"""A fit whose radius's log is off by more than this is no whole sphere."""
+_LIKE_SIZE = (-0.25, 0.35)
+"""Logs of radii over that size of whole spheres: parts are smaller, nearer spheres larger."""
 _WHOLE_EXPLAINED, _PAIR_EXPLAINED = 0.97, 0.95
 _LEAST_SEEN, _AS_WELL = 0.3, 2.0
 """Share of a sphere that must be seen; what it may leave, of what the fit to the part alone leaves."""
@@ -133,7 +133,7 @@ class Search(NamedTuple):
             return groups
         alike = Alike(*(np.median([getattr(fit, part) for fit in sound], axis=0) for part in _ALIKE_PARTS))
         size = alike.radius_px
-        whole = [fit for group in groups for fit in group if _is_whole(fit, size, alone=len(group) == 1)]
+        whole = [fit for group in groups for fit in group if _is_whole(fit, group, size)]
         found, places = [], [fit.centre_px for fit in whole]
         for group in groups:
             kept = []
@@ -210,10 +210,10 @@ def _is_sphere(fit: Fit, *, least: float = _LEAST_EXPLAINED) -> bool:
     return bool(fit.explained >= least and fit.contrast > 0 and sure)
 
 
-def _is_whole(fit: Fit, size_px: float, *, alone: bool) -> bool:
-    """Whether a fit shows a whole sphere, surely or of about that size, or one of two such."""
-    like = abs(np.log(fit.radius_px / size_px)) < _LIKE_SIZE
-    if not alone:
+def _is_whole(fit: Fit, group: list[Fit], size_px: float) -> bool:
+    """Whether a fit shows a whole sphere, surely or of about that size, or is one of a group of such."""
+    like = _LIKE_SIZE[0] < np.log(fit.radius_px / size_px) < _LIKE_SIZE[1]
+    if len(group) > 1:
         return like and fit.explained > _PAIR_EXPLAINED
     return fit.explained > (_WHOLE_EXPLAINED if like else _SOUND)
 
