@@ -157,8 +157,6 @@ def test_wrong_pictures_and_sizes_are_refused():
 def test_a_streak_is_no_ball_lit_from_one_side():
     """Setup: a ball lit from the upper left that moves by 8 px to the upper right. Expected: found where it was in the
     middle of the exposure, to 0.5 px; one that takes it for round (negative control) is off by more than 1 px."""
-    from uwsim.pose.sphere_fit import fit_sphere
-
     middle, way = np.array([22.4, 21.7]), 8.0 * np.array([np.cos(np.pi / 6), -np.sin(np.pi / 6)])
     steps = (np.arange(16) + 0.5) / 16 - 0.5
     clean = np.mean([0.6 * disc(middle + step * way, 6.5, (-0.25, -0.18, 0.95), samples=4) for step in steps], axis=0)
@@ -166,7 +164,7 @@ def test_a_streak_is_no_ball_lit_from_one_side():
     (found,) = detect_spheres(srgb_uint8_from_linear(noisy), radius_px=(3.0, 9.0))
     assert np.linalg.norm(found.centre_px - middle) < 0.5
     everywhere = np.ones((SIDE_PX, SIDE_PX), bool)
-    taken_for_round = fit_sphere(
-        noisy.mean(axis=-1), everywhere, ~everywhere, centre_px=middle, radius_px=7.0, shape=np.eye(2)
+    (taken_for_round,) = sphere_fit.fit_spheres(
+        noisy.mean(axis=-1), everywhere, ~everywhere, centres_px=middle, radii_px=7.0, shape=np.eye(2)
     )
     assert np.linalg.norm(taken_for_round.centre_px - middle) > 1.0

@@ -1,10 +1,8 @@
-"""Centre of a sphere's outline by a fit of its whole picture: a lit ball, blurred, on a sloping ground.
+"""Centres of spheres' outlines by a fit of their whole picture: lit balls, blurred, on a sloping ground.
 
-The picture is  b0 + b1 x + b2 y + blur(a0 [inside] + a1 max(0, n.l) [inside]),  n the normal of the sphere under the
-pixel, l the direction of the light: a matt sphere under a far lamp, its dark side included, and one that shines by
-itself. So light from one side shifts the brightness and not the centre. Blur is a Gaussian and the pixel's own area.
-Centre, radius, width of the blur and direction of the light are sought; a0, a1, b0, b1, b2 follow from them by linear
-least squares (variable projection), and the covariance of the centre is that with all of them unknown.
+With the picture of `sphere_model` light from one side shifts the brightness and not the centre, and a sphere that is
+partly hidden by another has the centre of what can be seen of its outline. The covariance of a centre is that with all
+others unknown.
 """
 
 from typing import NamedTuple
@@ -12,29 +10,36 @@ from typing import NamedTuple
 import numpy as np
 
 from uwsim.pose.correlated import sum_along_line
+from uwsim.pose.sphere_model import EACH, SHARED, Window, clear, cut, loss, model
 
 _SHARPEST_PX, _BLUNTEST = 0.12, 1.0
 """Of the blur: next to none, and one radius."""
 _LIGHT_SD = 1.0
 """What is known of the light beforehand: it comes from near the camera, tangents of the angle to its axis so large."""
-_MOST_LIGHT = 3.0
-_REACH_PX, _REACH = 3.0, 1.5
+_MOST_LIGHT, _ALIKE_LIGHT_SD = 3.0, 0.1
 _LEAST_SPARE = 10
 _OUTLIER_SDS = 4.0
-_ROUNDS = 3
-_SAMPLES_PER_RADIUS = 20
-_MOST_SAMPLES = 4
+_ROUNDS, _HIDDEN_ROUNDS = 3, 2
+_LEAST_CLEAR = 0.1
 _CORRELATED_PX = 3
 """Lags up to which residuals are taken for correlated."""
 _STEP = 0.01
-_UNKNOWNS, _FACTORS = 6, 5
+_SAME_SIZE_SD = 0.2
+"""What is known of balls that hide each other beforehand: logs of their radii differ by so much."""
+_PART_WINDOW = 2.0
+"""Radii around the middle of a part that the ball may reach to."""
+_GRID, _SIZES = 5, (0.85, 1.0, 1.15)
+"""Places to a radius, and radii, that are tried for a ball of which a part is seen."""
 
 
 class Fit(NamedTuple):
     """Middle (2,) of the outline [px], its covariance (2, 2) [px^2], radius [px], and how well it stands out.
 
-    `contrast`: mean brightness above the ground; `explained`: share of the variance about the ground that the model
-    explains.
+    `contrast`: mean brightness above the ground where it is seen; `explained`: share of the variance about the ground
+    that the model explains. Of all balls of a fit: `blur_px`, standard deviation of the blur, and `left`, mean
+    of what the model leaves (`sphere_model.loss`), pixels that it is far off included. `seen`: share of the ball that
+    is not hidden; `way_px` (2,): the way in the exposure, 0 without one; `light` (2,): tangents of the angle that the
+    light comes from, to the line of sight, towards +x and +y.
     """
 
     centre_px: np.ndarray
@@ -42,141 +47,151 @@ class Fit(NamedTuple):
     radius_px: float
     contrast: float
     explained: float
+    blur_px: float
+    left: float
+    seen: float
+    way_px: np.ndarray
+    light: np.ndarray
 
 
-class _Window(NamedTuple):
-    """A cut-out: its first column and row, values (h, w), weights (h, w), back: picture to outline (2, 2), samples."""
+class Alike(NamedTuple):
+    """What other balls of the picture tell of one: its radius, `size_sd` that of the log, the light, and the blur."""
 
-    first: np.ndarray
-    values: np.ndarray
-    weights: np.ndarray
-    back: np.ndarray
-    samples: int
+    radius_px: float
+    light: np.ndarray
+    blur_px: float
+    size_sd: float = 0.1
 
 
-def fit_sphere(
-    grey: np.ndarray, usable: np.ndarray, saturated: np.ndarray, *, centre_px: np.ndarray, radius_px: float,
-    shape: np.ndarray,
-) -> Fit | None:  # fmt: skip
-    """Return the fit to a linear picture (H, W) from a rough centre and radius; None where there is no such disc.
+def fit_spheres(
+    grey: np.ndarray, usable: np.ndarray, saturated: np.ndarray, *, centres_px: np.ndarray, radii_px: np.ndarray,
+    shape: np.ndarray, within: tuple[np.ndarray, float] | None = None, way_px: np.ndarray | None = None,
+    alike: Alike | None = None,
+) -> list[Fit] | None:  # fmt: skip
+    """Return the fits to a linear picture (H, W) from rough centres (n, 2) and radii (n,); None where there is no disc.
 
-    `usable` (H, W) bool leaves out pixels that belong to something else; `saturated` (H, W) bool are at least as bright
-    as they are: the model may be brighter there at no cost. `shape` (2, 2), of determinant 1: the outline is the circle
-    of `radius_px` times it. Noise is taken as independent from pixel to pixel; what its variance is made of
-    (`_weights`) is found from the residuals.
+    Balls that come first hide those that follow. `usable` (H, W) bool leaves out pixels that belong to something else;
+    `saturated` (H, W) bool are at least as bright as they are: the model may be brighter there at no cost. `shape`
+    (2, 2), of determinant 1: the outline is the circle of a radius times it. `within`: middle and radius [px] of the
+    disc that is looked at, with a border; default: that around all balls. `way_px` (2,): about the way that all of them
+    go in the exposure, drawn out along it; centres are those of its middle. `alike`: what is known of the balls
+    beforehand; what is darker than the model then counts little from the start, for something may hide it. Noise is
+    taken as independent from pixel to pixel; what its variance is made of (`_weights`) is found from the residuals.
 
     Source: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973 (variable projection); the picture is this project's.
     """
-    window = _cut(grey, usable, centre_px, radius_px, np.linalg.inv(shape))
-    high = _cut(saturated, usable, centre_px, radius_px, window.back).values > 0
+    centres, radii = np.reshape(centres_px, (-1, 2)).astype(float), np.reshape(radii_px, -1).astype(float)
+    middle, extent = _around(centres, radii) if within is None else within
+    window = cut(grey, usable, middle, extent, np.linalg.inv(shape), radii.min())
+    high = cut(saturated, usable, middle, extent, window.back, radii.min()).values > 0
     fair = window.weights
-    window = window._replace(weights=np.where(high, 0.0, fair))
-    unknowns = np.array([*centre_px, np.log(radius_px), np.log(max(0.2 * radius_px, 0.6)), 0.0, 0.0])
-    noise = 1.0
-    for _ in range(_ROUNDS):
-        if np.count_nonzero(window.weights) < _UNKNOWNS + _FACTORS + _LEAST_SPARE:
-            return None
-        noise = _noise(window, unknowns)
-        unknowns = _solved(window, unknowns, noise, centre_px, radius_px)
+    way = [] if way_px is None else way_px
+    window = window._replace(weights=np.where(high, 0.0, fair), shared=SHARED + len(way))
+    shared = [np.log(max(0.2 * radii.min(), 0.6)), 0, 0] if alike is None else [np.log(alike.blur_px), *alike.light]
+    unknowns = start = np.concatenate([shared, way, *np.c_[centres - window.first, np.log(radii)]])
+    for number in range(_ROUNDS + (0 if alike is None else _HIDDEN_ROUNDS)):
+        if alike is not None and number < _HIDDEN_ROUNDS:
+            window = window._replace(weights=np.where(high, 0.0, fair) * clear(window, model(window, unknowns)[0]))
+        unknowns = _solved(window, unknowns, alike, start)
         if unknowns is None:
             return None
-        model = _model(window, unknowns)[0]
+        picture = model(window, unknowns)[0]
         # saturated pixels that the model has brighter agree with it
-        window = window._replace(weights=np.where(high & (model >= window.values), 0.0, fair))
-        window = window._replace(weights=_weights(window, model))
-    return _described(window, unknowns)
+        agreed = np.where(high & (picture >= window.values), 0.0, fair)
+        if alike is not None:
+            agreed = agreed * (clear(window, picture) > _LEAST_CLEAR)
+        window = window._replace(weights=_weights(window._replace(weights=agreed), picture))
+    return _described(window, unknowns, alike, fair=np.where(high & (picture >= window.values), 0.0, fair))
 
 
-def _cut(grey, usable, centre_px, radius_px: float, back: np.ndarray) -> _Window:
-    height, width = grey.shape
-    reach = _REACH * radius_px + _REACH_PX
-    low = np.maximum(np.floor(centre_px - reach).astype(int), 0)
-    high = np.minimum(np.ceil(centre_px + reach).astype(int), [width, height])
-    part = np.s_[low[1] : high[1], low[0] : high[0]]
-    rows, columns = np.mgrid[part] + 0.5
-    aside = np.stack([columns, rows], axis=-1) - centre_px
-    inside = (np.linalg.norm(aside @ back.T, axis=-1) <= reach) & usable[part]
-    samples = int(np.clip(np.ceil(_SAMPLES_PER_RADIUS / radius_px), 1, _MOST_SAMPLES))
-    return _Window(low, np.asarray(grey[part], float), inside.astype(float), back, samples)
+def places_of_part(
+    grey: np.ndarray, usable: np.ndarray, alike: Alike, *, centre_px: np.ndarray, shape: np.ndarray, count: int
+) -> np.ndarray:
+    """Return the rough centres (count, 2) of balls of about a radius of which a part is seen near a place.
+
+    Those on a grid around the place whose pictures leave the least (`sphere_model.loss`), what is darker counting
+    little.
+    """
+    radius_px = alike.radius_px
+    window = cut(grey, usable, centre_px, _PART_WINDOW * radius_px, np.linalg.inv(shape), radius_px)
+    window, fair = window._replace(samples=1), window.weights
+    steps = np.stack(np.meshgrid(*[np.arange(-_GRID, _GRID + 1) / _GRID] * 2), axis=-1).reshape(-1, 2)
+    found = []
+    for step in steps[np.linalg.norm(steps, axis=1) < 1.01]:
+        place = centre_px + radius_px * step
+        for size in _SIZES:
+            ball = [*(place - window.first), np.log(size * radius_px)]
+            tried = np.array([np.log(alike.blur_px), *alike.light, *ball])
+            weighted = window._replace(weights=fair * clear(window, model(window, tried)[0]))
+            found.append((loss(window, model(weighted, tried)[0], fair), *place))
+    apart: list[np.ndarray] = []
+    for _, *place in sorted(found):
+        if all(np.linalg.norm(place - other) > 1.5 * radius_px / _GRID for other in apart):
+            apart.append(np.array(place))
+    return np.array(apart[:count])
 
 
-def _basis(window: _Window, unknowns: np.ndarray) -> np.ndarray:
-    """Return the parts (h, w, 5) that the picture is a sum of, the ground's three first."""
-    import cv2
-
-    (height, width), samples = window.values.shape, window.samples
-    radius, blur = np.exp(unknowns[2:4])
-    columns = window.first[0] + (np.arange(width * samples) + 0.5) / samples - unknowns[0]
-    rows = window.first[1] + (np.arange(height * samples) + 0.5) / samples - unknowns[1]
-    x, y = ((way[0] * columns[None, :] + way[1] * rows[:, None]) / radius for way in window.back)
-    distance = np.sqrt(x * x + y * y)
-    inside = np.clip((1 - distance) * radius * samples + 0.5, 0, 1)
-    z = np.sqrt(np.clip(1 - distance * distance, 0, None))
-    light = np.array([unknowns[4], unknowns[5], 1.0])
-    light /= np.linalg.norm(light)
-    lit = inside * np.clip(light[0] * x + light[1] * y + light[2] * z, 0, None)
-    fine = cv2.GaussianBlur(np.stack([inside, lit], axis=-1), (0, 0), float(blur * samples),
-                            borderType=cv2.BORDER_CONSTANT)  # fmt: skip
-    discs = fine.reshape(height, samples, width, samples, 2).mean(axis=(1, 3))
-    across = np.broadcast_to((np.arange(width) + 0.5 - width / 2) / width, (height, width))
-    down = np.broadcast_to(((np.arange(height) + 0.5 - height / 2) / height)[:, None], (height, width))
-    return np.stack([np.ones((height, width)), across, down, discs[..., 0], discs[..., 1]], axis=-1)
+def _around(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the middle and the radius of a disc around discs (two at most touch it)."""
+    middle = centres.mean(axis=0)
+    return middle, float(np.max(np.linalg.norm(centres - middle, axis=1) + radii))
 
 
-def _model(window: _Window, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the picture (h, w) that fits best with these unknowns, and its ground (h, w)."""
-    basis = _basis(window, unknowns)
-    used = window.weights > 0
-    scale = np.sqrt(window.weights[used])
-    parts, values = scale[:, None] * basis[used], scale * window.values[used]
-    # near to dependent parts share what they explain; no part takes light away
-    factors = np.linalg.lstsq(parts, values, rcond=1e-6)[0]
-    for place in (3, 4):
-        if factors[place] < 0:
-            kept = [other for other in range(_FACTORS) if other != place]
-            factors = np.zeros(_FACTORS)
-            factors[kept] = np.linalg.lstsq(parts[:, kept], values, rcond=1e-6)[0]
-    return basis @ factors, basis[..., :3] @ factors[:3]
+def _off(window: Window, unknowns: np.ndarray) -> np.ndarray:
+    """Return what the model is brighter, of pixels that count, times the square roots of their weights."""
+    used = window.used
+    return np.sqrt(window.weights[used]) * (model(window, unknowns)[0] - window.values)[used]
 
 
-def _residuals(window: _Window, unknowns: np.ndarray, noise: float) -> np.ndarray:
-    """Return residuals in standard deviations, those of the light's direction last."""
-    used = window.weights > 0
-    off = np.sqrt(window.weights[used]) * (_model(window, unknowns)[0] - window.values)[used]
-    return np.append(off / noise, unknowns[4:] / _LIGHT_SD)
+def _residuals(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
+    """Return residuals in standard deviations, those of the light's direction and of the sizes last."""
+    light, sizes = unknowns[1:SHARED], window.balls(unknowns)[:, 2]
+    if alike is None:
+        known = [light / _LIGHT_SD, (sizes - sizes.mean())[:-1] / _SAME_SIZE_SD]
+    else:
+        known = [(light - alike.light) / _ALIKE_LIGHT_SD, (sizes - np.log(alike.radius_px)) / alike.size_sd]
+    return np.concatenate([_off(window, unknowns) / noise, *known])
 
 
-def _noise(window: _Window, unknowns: np.ndarray) -> float:
+def _noise(window: Window, unknowns: np.ndarray) -> float:
     """Return the standard deviation of the weighted residuals."""
-    used = window.weights > 0
-    off = np.sqrt(window.weights[used]) * (_model(window, unknowns)[0] - window.values)[used]
-    return float(max(np.sqrt(off @ off / max(len(off) - _UNKNOWNS - _FACTORS, 1)), 1e-9))
+    off = _off(window, unknowns)
+    return float(max(np.sqrt(off @ off / max(window.spare(unknowns), 1)), 1e-9))
 
 
-def _solved(window: _Window, unknowns, noise: float, centre_px, radius_px: float) -> np.ndarray | None:
+def _solved(window: Window, unknowns: np.ndarray, alike: Alike | None, start: np.ndarray) -> np.ndarray | None:
     from scipy.optimize import least_squares
 
-    reach = max(radius_px, 2.0)
-    low = np.array([*(centre_px - reach), np.log(radius_px / 2), np.log(_SHARPEST_PX), -_MOST_LIGHT, -_MOST_LIGHT])
-    high = np.array([*(centre_px + reach), np.log(2 * radius_px), np.log(max(_BLUNTEST * radius_px, 2.0)),
-                     _MOST_LIGHT, _MOST_LIGHT])  # fmt: skip
+    if window.spare(unknowns) < _LEAST_SPARE:
+        return None
+    noise = _noise(window, unknowns)
+    balls = window.balls(start)
+    radii = np.exp(balls[:, 2])
+    reach = np.c_[np.maximum(radii, 2.0), np.maximum(radii, 2.0), np.full(len(balls), np.log(2))].ravel()
+    bluntest = np.log(max(_BLUNTEST * radii.min(), 2.0))
+    # a way turned round is the same
+    way = start[SHARED : window.shared]
+    longest = np.full(len(way), 2 * np.linalg.norm(way) + 1)
+    low = np.concatenate([[np.log(_SHARPEST_PX), -_MOST_LIGHT, -_MOST_LIGHT], -longest, start[window.shared :] - reach])
+    high = np.concatenate([[bluntest, _MOST_LIGHT, _MOST_LIGHT], longest, start[window.shared :] + reach])
+    balls_scale = np.c_[0.1 * radii, 0.1 * radii, np.full(len(radii), 0.1)].ravel()
+    scale = np.concatenate([[0.3, 0.3, 0.3], np.full(len(way), 0.1 * radii.min()), balls_scale])
     found = least_squares(
-        lambda tried: _residuals(window, tried, noise), np.clip(unknowns, low + 1e-6, high - 1e-6),
-        jac=lambda tried: _slope(window, tried, noise),
-        bounds=(low, high), x_scale=[0.1 * radius_px, 0.1 * radius_px, 0.1, 0.3, 0.3, 0.3],
-        xtol=1e-4, ftol=1e-5, max_nfev=15,
+        lambda tried: _residuals(window, tried, alike, noise), np.clip(unknowns, low + 1e-6, high - 1e-6),
+        jac=lambda tried: _slope(window, tried, alike, noise), bounds=(low, high), x_scale=scale, xtol=1e-3, ftol=3e-4,
+        max_nfev=15,
     )  # fmt: skip
-    on_limit = np.any(np.abs(found.x[:3] - low[:3]) < 1e-3) or np.any(np.abs(found.x[:3] - high[:3]) < 1e-3)
-    return None if on_limit or not np.all(np.isfinite(found.x)) else found.x
+    to_limit = np.minimum(found.x - low, high - found.x)[window.shared :]
+    return None if to_limit.min() < 1e-3 or not np.all(np.isfinite(found.x)) else found.x
 
 
-def _slope(window: _Window, unknowns: np.ndarray, noise: float) -> np.ndarray:
-    here = _residuals(window, unknowns, noise)
-    steps = _STEP * np.eye(_UNKNOWNS)
-    return np.stack([(_residuals(window, unknowns + step, noise) - here) / _STEP for step in steps], axis=-1)
+def _slope(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
+    here = _residuals(window, unknowns, alike, noise)
+    steps = _STEP * np.eye(len(unknowns))
+    return np.stack([(_residuals(window, unknowns + step, alike, noise) - here) / _STEP for step in steps], axis=-1)
 
 
-def _weights(window: _Window, model: np.ndarray) -> np.ndarray:
+def _weights(window: Window, picture: np.ndarray) -> np.ndarray:
     """Return 1 / variance, relative; 0 for pixels that the model is far off.
 
     The variance is a sum of a constant, a share of the light (photons) and a share of the squared slope: at an edge a
@@ -184,11 +199,11 @@ def _weights(window: _Window, model: np.ndarray) -> np.ndarray:
     """
     from scipy.optimize import nnls
 
-    used = window.weights > 0
-    squares = (window.values - model) ** 2
+    used = window.used
+    squares = (window.values - picture) ** 2
     typical = max(squares[used].mean(), 1e-300)
-    light = np.clip(model, 0, None) / max(model[used].max(), 1e-300)
-    down, across = np.gradient(model)
+    light = np.clip(picture, 0, None) / max(picture[used].max(), 1e-300)
+    down, across = np.gradient(picture)
     steep = down**2 + across**2
     parts = np.stack([np.ones(light.shape), light, steep / max(steep[used].max(), 1e-300)], axis=-1)
     found, _ = nnls(parts[used], np.minimum(squares, 16 * typical)[used] / typical)
@@ -219,20 +234,32 @@ def _correlation(residuals: np.ndarray, used: np.ndarray) -> float:
     return float(max(shares[reach].sum(), smooth.prod(), 1.0))
 
 
-def _described(window: _Window, unknowns: np.ndarray) -> Fit | None:
-    used = window.weights > 0
-    if np.count_nonzero(used) < _UNKNOWNS + _FACTORS + _LEAST_SPARE:
+def _described(window: Window, unknowns: np.ndarray, alike: Alike | None, *, fair: np.ndarray) -> list[Fit] | None:
+    used = window.used
+    if window.spare(unknowns) < _LEAST_SPARE:
         return None
-    slope = _slope(window, unknowns, _noise(window, unknowns))
+    slope = _slope(window, unknowns, alike, _noise(window, unknowns))
     if np.linalg.cond(slope) > 1e8:
         return None
-    model, ground = _model(window, unknowns)
-    covariance = np.linalg.inv(slope.T @ slope) * _correlation(np.sqrt(window.weights) * (window.values - model), used)
-    radius = float(np.exp(unknowns[2]))
-    rows, columns = np.mgrid[: model.shape[0], : model.shape[1]] + 0.5
-    aside = np.stack([columns, rows], axis=-1) + window.first - unknowns[:2]
-    inside = np.linalg.norm(aside @ window.back.T, axis=-1) <= radius
+    picture, ground = model(window, unknowns)
+    residuals = np.sqrt(window.weights) * (window.values - picture)
+    covariance = np.linalg.inv(slope.T @ slope) * _correlation(residuals, used)
     about = (window.values - ground)[used]
-    explained = 1 - np.sum((window.values - model)[used] ** 2) / max(about @ about, 1e-300)
-    contrast = float((model - ground)[inside].mean()) if inside.any() else 0.0
-    return Fit(unknowns[:2].copy(), covariance[:2, :2], radius, contrast, float(explained))
+    explained = 1 - np.sum((window.values - picture)[used] ** 2) / max(about @ about, 1e-300)
+    left, open_ = loss(window, picture, fair), clear(window, picture)
+    way = unknowns[SHARED : window.shared] if window.shared > SHARED else np.zeros(2)
+    seen, fits = np.ones(picture.shape, bool), []
+    for number, (column, row, log_radius) in enumerate(window.balls(unknowns)):
+        place, radius = np.array([column, row]), float(np.exp(log_radius))
+        inside = (np.linalg.norm(window.aside_px(place), axis=-1) <= radius) & seen
+        contrast, share = (float(part[inside].mean()) if inside.any() else 0.0 for part in (picture - ground, open_))
+        own = slice(window.shared + EACH * number, window.shared + EACH * number + 2)
+        fits.append(
+            Fit(
+                window.first + place, covariance[own, own], radius, contrast, float(explained),
+                float(np.exp(unknowns[0])), left,
+                share, way, unknowns[1:SHARED],
+            )
+        )  # fmt: skip
+        seen &= ~inside
+    return fits
