@@ -87,9 +87,9 @@ HIDDEN = (np.array([88.6, 88.3]), 6.0)
 
 @pytest.mark.parametrize("aside_px", [4.5, 4.8, 5.2])
 def test_a_ball_behind_a_rod_has_the_size_of_the_others(aside_px):
-    """Setup: four balls, a dark rod over a third of one, on its dark side. Expected: that one to 0.3 px. Negative control:
-    it is not where it seems to be if nothing is known of its size (it alone in the picture): more than 1 px off, or not
-    found."""
+    """Setup: four balls, a dark rod over a third of one, on its dark side. Expected: that one to 0.3 px. Negative
+    control: it is not where it seems to be if nothing is known of its size (it alone in the picture): more than 1 px
+    off, or not found."""
     bars = [(HIDDEN[0][0] + aside_px, 3.5)]
     found = detect_spheres(image(scene([*WHOLE, HIDDEN], bars=bars)), radius_px=RADII_PX)
     assert len(found) == 4
