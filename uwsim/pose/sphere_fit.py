@@ -14,7 +14,7 @@ from uwsim.pose.sphere_model import EACH, SHARED, Window, clear, cut, loss, mode
 
 _SHARPEST_PX, _BLUNTEST = 0.12, 1.0
 """Of the blur: next to none, and one radius."""
-_LIGHT_SD = 1.0
+_LIGHT_SD = 0.3
 """What is known of the light beforehand: it comes from near the camera, tangents of the angle to its axis so large."""
 _MOST_LIGHT, _ALIKE_LIGHT_SD = 3.0, 0.1
 _LEAST_SPARE = 10

@@ -22,8 +22,8 @@ _WELL_EXPLAINED, _ELONGATED = 0.97, 1.1
 """Below this share explained, or so much longer than wide, a blob may be two spheres; if so long, a streak, too."""
 _TWO_LEAVE, _TWO_IN_MOTION, _STREAK_LEAVES = 0.7, 0.1, 0.7
 """What they may leave, of what one ball leaves; two in a picture in motion, of what a streak leaves."""
-_LEAST_OF_TWO = 0.25
-"""Least contrast of the fainter of two, over the other's."""
+_TWO_EXPLAINED, _LEAST_OF_TWO, _APART_RADII = 0.97, 0.25, 0.4
+"""Least that two explain, contrast of the fainter over the other's, and distance in units of the smaller radius."""
 _ALIKE = 0.3
 """Ways that differ by less than this share are one motion."""
 _MOMENTS_RADII, _MOMENTS_LEAST = 2.0, 0.2
@@ -33,7 +33,10 @@ _SOUND, _LEAST_SOUND = 0.99, 3
 _ALIKE_PARTS = ("radius_px", "light", "blur_px")
 _LIKE_SIZE = (-0.25, 0.35)
 """Logs of radii over that size of whole spheres: parts are smaller, nearer spheres larger."""
-_WHOLE_EXPLAINED, _PAIR_EXPLAINED = 0.97, 0.95
+_WHOLE_EXPLAINED = 0.97
+_SIZE_KNOWN, _FAIR_SIZE, _FAIR_EXPLAINED = 0.2, 0.5, 0.95
+"""What is completed has that size to the first (log of the radius). Where it has not, the fit is a whole sphere of
+another size if it explains so much and the size is no more off than the second."""
 _LEAST_SEEN, _AS_WELL = 0.3, 2.0
 """Share of a sphere that must be seen; what it may leave, of what the fit to the part alone leaves."""
 _SAME_PLACE = 0.3
@@ -133,6 +136,7 @@ class Search(NamedTuple):
             return groups
         alike = Alike(*(np.median([getattr(fit, part) for fit in sound], axis=0) for part in _ALIKE_PARTS))
         size = alike.radius_px
+        groups = [self._one_of_two(group, alike) if len(group) > 1 else group for group in groups]
         whole = [fit for group in groups for fit in group if _is_whole(fit, group, size)]
         found, places = [], [fit.centre_px for fit in whole]
         for group in groups:
@@ -149,6 +153,14 @@ class Search(NamedTuple):
             found.append(kept)
         return found
 
+    def _one_of_two(self, pair: list[Fit], alike: Alike) -> list[Fit]:
+        """Return two spheres, or the one of which they may be parts, if something hides it in between."""
+        if pair[0].left < (_CLEAN * max(fit.contrast for fit in pair)) ** 2:
+            return pair
+        tried = [self._completed(fit, alike, []) for fit in pair]
+        best = min((fit for fit in tried if fit), key=lambda fit: fit.left, default=None)
+        return [best] if best is not None and best.left < pair[0].left else pair
+
     def _completed(self, fit: Fit, alike: Alike, whole: list[Fit]) -> Fit | None:
         """Return the sphere like the others of which a fit shows a part; None where it is not surely one."""
         shape, usable = self._shape(fit.centre_px), ~_discs(self.grey.shape, whole)
@@ -161,8 +173,11 @@ class Search(NamedTuple):
             for start in starts
         ]  # fmt: skip
         best = min((one[0] for one in tried if one), key=lambda one: one.left, default=None)
-        surely = best is not None and _is_sphere(best) and best.seen > _LEAST_SEEN
-        return best if surely and best.left < _AS_WELL * fit.left else None
+        off = abs(np.log((fit if best is None else best).radius_px / alike.radius_px))
+        if best is None or off > _SIZE_KNOWN:
+            fair = fit.explained > _FAIR_EXPLAINED and abs(np.log(fit.radius_px / alike.radius_px)) < _FAIR_SIZE
+            return fit if fair else None
+        return best if _is_sphere(best) and best.seen > _LEAST_SEEN and best.left < _AS_WELL * fit.left else None
 
     def _shape(self, place_px: np.ndarray) -> np.ndarray | None:
         """Return the shape (2, 2) of a small outline there; None where no ray goes."""
@@ -198,10 +213,11 @@ class Search(NamedTuple):
             for order in ([0, 1], [1, 0])
         ]  # fmt: skip
         fits = min((one for one in tried if one), key=lambda one: one[0].left, default=None)
-        if fits is None or not all(map(_is_sphere, fits)):
+        if fits is None or not all(_is_sphere(fit, least=_TWO_EXPLAINED) for fit in fits):
             return None
         faint, bright = sorted(fit.contrast for fit in fits)
-        return fits if faint > _LEAST_OF_TWO * bright else None
+        apart = np.linalg.norm(fits[0].centre_px - fits[1].centre_px) / min(fit.radius_px for fit in fits)
+        return fits if faint > _LEAST_OF_TWO * bright and apart > _APART_RADII else None
 
 
 def _is_sphere(fit: Fit, *, least: float = _LEAST_EXPLAINED) -> bool:
@@ -213,9 +229,7 @@ def _is_sphere(fit: Fit, *, least: float = _LEAST_EXPLAINED) -> bool:
 def _is_whole(fit: Fit, group: list[Fit], size_px: float) -> bool:
     """Whether a fit shows a whole sphere, surely or of about that size, or is one of a group of such."""
     like = _LIKE_SIZE[0] < np.log(fit.radius_px / size_px) < _LIKE_SIZE[1]
-    if len(group) > 1:
-        return like and fit.explained > _PAIR_EXPLAINED
-    return fit.explained > (_WHOLE_EXPLAINED if like else _SOUND)
+    return like if len(group) > 1 else fit.explained > (_WHOLE_EXPLAINED if like else _SOUND)
 
 
 def _gap(one: Fit, other: Fit) -> float:

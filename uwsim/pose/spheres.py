@@ -18,7 +18,7 @@ from uwsim.pose.sphere_outline import middle_off_px
 from uwsim.pose.sphere_search import Search
 
 SATURATED = 254
-POINTS_OVER_MODEL_STD = 1.5
+POINTS_OVER_MODEL_STD = 1.8
 """Standard deviations in rendered pictures over those of the fit: shadows, light that the water scatters; what
 `benchmarks/fits/marker_errors.py` finds on `pose_tuning`."""
 _FITTED_MARGIN = 1.5
