@@ -1,11 +1,11 @@
 """LHM, orthogonal iteration: points put on their lines of sight and the target turned to them, by turns.
 
 Each turn lowers the sum of the squared distances from the lines of sight, but by less and less: it stops after 300, and
-the single start can end in another minimum: with four corners of a flat square in 42 % of the problems, the cost tells.
-Nearly flat targets (`uwsim.pose.batches.NEARLY_FLAT`) are tried from the mirror image of the first pose too, which
-leaves none of these.
+one start can end in another minimum: with the four corners of a square in 42 % of the problems. Flat and nearly flat
+targets (`uwsim.pose.batches.NEARLY_FLAT`) are therefore tried from the mirror image of the first pose, too.
 
-Source: Lu, Hager and Mjolsness, IEEE PAMI 22(6), 2000. With the best translation the points on their lines of sight
+Source: Lu, Hager and Mjolsness, IEEE PAMI 22(6), 2000; both poses of a flat target: Schweighofer and Pinz, IEEE PAMI
+28(12), 2006. With the best translation the points on their lines of sight
 give sum V (R p + t) p^T = R S - [Omega r], so a turn costs the same for any number of points.
 """
 
@@ -27,7 +27,7 @@ _TOLERANCE = 1e-10
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A nearly flat target's other pose is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4
+    A flat or nearly flat target's other pose is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4
     points, NaN or other shapes: ValueError.
     """
     return solved(points_m, points, _core, minimum=MINIMUM_POINTS, where="lhm")
@@ -39,7 +39,7 @@ def _core(centred: Centred) -> Poses:
     apart = centred.image - centred.image.mean(axis=1, keepdims=True)
     flat = np.concatenate([apart, np.zeros((*apart.shape[:2], 1))], axis=2)
     first = _turned(nearest_rotation(np.swapaxes(flat, 1, 2) @ centred.target), form)
-    if not centred.relief:
+    if not centred.flat:
         return first
     return least(together([first, _turned(mirrored(first).rotation, form)]), centred)
 
