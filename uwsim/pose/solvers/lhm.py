@@ -27,8 +27,8 @@ _TOLERANCE = 1e-10
 def solve(points_m: np.ndarray, points: np.ndarray) -> Solution:
     """Return camera_from_target for target points (B, n, 3) [m] seen at normalised image points (B, n, 2).
 
-    A flat or nearly flat target's other pose is the `twin`. Degenerate points, points behind the camera: not ok. Fewer than 4
-    points, NaN or other shapes: ValueError.
+    A flat or nearly flat target's other pose is the `twin`. Degenerate points, points behind the camera: not ok. Fewer
+    than 4 points, NaN or other shapes: ValueError.
     """
     return solved(points_m, points, _core, minimum=MINIMUM_POINTS, where="lhm")
 
