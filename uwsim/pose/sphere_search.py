@@ -126,7 +126,7 @@ class Search(NamedTuple):
             pair = [single[number] for number in chosen]
             single = [one for number, one in enumerate(single) if number not in chosen]
             usable = ~_covered(self.grey.shape, single + [fit for fits in kept for fit in fits], pair)
-            places, radii = (np.array([one[number] for one in pair]) for number in (0, 2))
+            places, radii = np.array([one.centre_px for one in pair]), np.array([one.radius_px for one in pair])
             kept.append(self._two(usable, places, radii) or pair)
 
     def _mended(self, groups: list[list[Fit]]) -> list[list[Fit]]:
@@ -164,6 +164,8 @@ class Search(NamedTuple):
     def _completed(self, fit: Fit, alike: Alike, whole: list[Fit]) -> Fit | None:
         """Return the sphere like the others of which a fit shows a part; None where it is not surely one."""
         shape, usable = self._shape(fit.centre_px), ~_discs(self.grey.shape, whole)
+        if shape is None:
+            return None
         starts = places_of_part(self.grey, usable, alike, centre_px=fit.centre_px, shape=shape, count=_PLACES)
         tried = [
             fit_spheres(
@@ -205,6 +207,8 @@ class Search(NamedTuple):
     def _two(self, usable: np.ndarray, centres_px: np.ndarray, radii_px: np.ndarray, within=None) -> list[Fit] | None:
         """Return the fits of two spheres, the front one first, from rough ones; None where they are not two."""
         shape = self._shape(centres_px.mean(axis=0))
+        if shape is None:
+            return None
         tried = [
             fit_spheres(
                 self.grey, usable, self.saturated, centres_px=centres_px[order], radii_px=radii_px[order],
