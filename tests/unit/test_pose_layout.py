@@ -2,27 +2,15 @@
 
 import csv
 import json
-import sys
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from pose_runs import SIZE, VIEW, run_layout
 from scipy.spatial.transform import Rotation
 
-from uwsim import cli
 from uwsim.pose import bound, design, design_files, design_trials, problems
 from uwsim.pose.layouts import NAMES, read_layout
-
-VIEW = design.View(np.array([[1300.0, 0, 653], [0, 1300, 508], [0, 0, 1]]), 1306, 1016, 0.3)
-SIZE = ("--camera", "640x480", "--fov-deg", "60")
-
-
-def run(monkeypatch, *arguments):
-    """Return the exit code of `uwsim pose layout ...`."""
-    monkeypatch.setattr(sys, "argv", ["uwsim", "pose", "layout", *map(str, arguments)])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return stop.value.code
 
 
 def all_curves(points_m, *, tilt_deg=30.0, distance_m=1.0, view=VIEW):
@@ -187,7 +175,7 @@ def test_trials_reach_the_bound_of_a_solid_layout_and_tell_the_flips_of_a_flat_o
 def test_the_command_writes_picture_and_numbers(tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
     given = ("square", *SIZE, "--out", out, "--trials", 3, "--edge-m", 0.05, "--noise-px", 0.5)
-    assert run(monkeypatch, *given) == 0
+    assert run_layout(monkeypatch, *given) == 0
     assert "deg" in capsys.readouterr().out
     assert (out / "layout.png").read_bytes().startswith(b"\x89PNG")
     content = json.loads((out / "layout.json").read_text())
@@ -201,7 +189,7 @@ def test_the_command_writes_picture_and_numbers(tmp_path, monkeypatch, capsys):
     np.testing.assert_allclose(drawn, tilt["rotation_bound_deg"], rtol=1e-5)
     assert len([row for row in rows if row["curve"] == "best_rotation_deg"]) == design_trials.PLACES
     first = {name: (out / name).read_bytes() for name in ("layout.png", "layout.json", "layout.csv")}
-    assert run(monkeypatch, *given) == 0
+    assert run_layout(monkeypatch, *given) == 0
     assert first == {name: (out / name).read_bytes() for name in first}
 
 
@@ -220,7 +208,7 @@ def test_curves_that_do_not_hold_are_left_out_and_said_to_be(tmp_path, monkeypat
     monkeypatch.setattr(Figure, "savefig", drawn)
     why = "the layout is no square of four points"
     for name in (str(tmp_path / "price $x_$ {.toml"), "octahedron", "square"):
-        assert run(monkeypatch, name, *SIZE, "--out", tmp_path / "out", "--trials", 0) == 0
+        assert run_layout(monkeypatch, name, *SIZE, "--out", tmp_path / "out", "--trials", 0) == 0
         told = capsys.readouterr()
         content = json.loads((tmp_path / "out" / "layout.json").read_text())
         left = [curve for curve in design.Curves._fields if "plane" in curve]

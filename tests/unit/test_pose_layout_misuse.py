@@ -6,28 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pose_runs import SIZE, VIEW, run_layout
 
 from uwsim import cli
 from uwsim.pose import design, design_files
 from uwsim.pose.layouts import read_layout
-
-VIEW = design.View(np.array([[1300.0, 0, 653], [0, 1300, 508], [0, 0, 1]]), 1306, 1016, 0.3)
-SIZE = ("--camera", "640x480", "--fov-deg", "60")
-
-
-def run(monkeypatch, *arguments):
-    """Return the exit code of `uwsim pose layout ...`."""
-    monkeypatch.setattr(sys, "argv", ["uwsim", "pose", "layout", *map(str, arguments)])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return stop.value.code
 
 
 def refused(monkeypatch, capsys, *arguments, what):
     """Assert one line, exit code 2, no warning of NumPy's, and nothing written."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert run(monkeypatch, *arguments) == 2
+        assert run_layout(monkeypatch, *arguments) == 2
     told = capsys.readouterr()
     assert what in told.err and told.err.count("\n") == 1 and told.err.startswith("uwsim: ") and told.out == ""
     assert not any(Path().iterdir())
@@ -76,7 +66,7 @@ def test_numbers_out_of_range_are_refused_by_the_name_of_their_option(option, tm
         got = f"'{option}': got {value[:37]!r}"[:-1]
         what = f"allowed: {allowed} "
         refused(monkeypatch, capsys, "square", *view, "--out=out", f"{option}={value}", what=what)
-        assert run(monkeypatch, "square", *view, "--out=out", f"{option}={value}") == 2
+        assert run_layout(monkeypatch, "square", *view, "--out=out", f"{option}={value}") == 2
         assert got in capsys.readouterr().err
 
 
@@ -93,7 +83,7 @@ def test_numbers_at_the_ends_of_their_ranges_give_results_without_a_warning(tmp_
             monkeypatch.setattr(design_files, "plot_design", lambda *_, **__: None)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            assert run(monkeypatch, "square", *SIZE, "--out=out", "--trials=1", *options) == 0
+            assert run_layout(monkeypatch, "square", *SIZE, "--out=out", "--trials=1", *options) == 0
         assert capsys.readouterr().err == ""
 
 
@@ -129,7 +119,7 @@ def test_a_bare_group_is_one_line_and_its_help(monkeypatch, capsys):
 
 
 def test_output_folder_that_cannot_be_is_refused(tmp_path, monkeypatch, capsys):
-    assert run(monkeypatch, "square", *SIZE, "--out", tmp_path / "no" / "out") == 2
+    assert run_layout(monkeypatch, "square", *SIZE, "--out", tmp_path / "no" / "out") == 2
     assert "does not exist" in capsys.readouterr().err
     monkeypatch.chdir(tmp_path)
     for name in ("", " "):
@@ -141,7 +131,7 @@ def test_output_folder_that_cannot_be_is_refused(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("name", ["layout.png", "layout.json", "layout.csv"])
 def test_no_file_is_written_where_another_cannot_be(name, tmp_path, monkeypatch, capsys):
     (tmp_path / name).mkdir()
-    assert run(monkeypatch, "square", *SIZE, "--out", tmp_path, "--trials", 0) == 2
+    assert run_layout(monkeypatch, "square", *SIZE, "--out", tmp_path, "--trials", 0) == 2
     told = capsys.readouterr().err
     assert f"{name}: is a folder, allowed: a file" in told and told.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == [name]

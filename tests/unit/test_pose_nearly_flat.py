@@ -4,9 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pose_runs import errors
 
 from uwsim.discovery import discover
-from uwsim.metrics.pose import rotation_error_deg, translation_error_percent
+from uwsim.metrics.pose import rotation_error_deg
 from uwsim.pose import batches, problems, solvers
 from uwsim.pose.affine import mirrored
 from uwsim.pose.solution import Status
@@ -52,15 +53,6 @@ def seen(shape, *, noise_px, shares=SHARES, count=50):
     ]
     placed = problems.Placed(*(np.concatenate(values) for values in zip(*parts, strict=True)))
     return placed, problems.images(placed, focal_px=FOCAL_PX, noise_px=noise_px, rng=rng)
-
-
-def errors(solution, placed):
-    """Return rotation [deg] and translation [%] errors; infinite where there is no pose."""
-    ok = solution.ok
-    turned, moved = np.full(len(ok), np.inf), np.full(len(ok), np.inf)
-    turned[ok] = rotation_error_deg(solution.rotation[ok], placed.rotation[ok])
-    moved[ok] = translation_error_percent(solution.translation_m[ok], placed.translation_m[ok])
-    return turned, moved
 
 
 def test_shares_are_what_they_are_called():

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pose_runs import errors
 from scipy.spatial.transform import Rotation
 
 from uwsim.discovery import discover, missing_packages
@@ -67,15 +68,6 @@ def noisy_problems(target, *, noise_px, count=400, edge_m=0.1, seed=2, **options
     rng = np.random.default_rng(seed)
     placed = problems.in_box(problems.layout(target, edge_m=edge_m), count=count, rng=rng, **options)
     return placed, problems.images(placed, focal_px=FOCAL_PX, noise_px=noise_px, rng=rng)
-
-
-def errors(solution, placed):
-    """Return rotation [deg] and translation [%] errors; infinite where there is no pose."""
-    ok = solution.ok
-    turned, moved = np.full(len(ok), np.inf), np.full(len(ok), np.inf)
-    turned[ok] = rotation_error_deg(solution.rotation[ok], placed.rotation[ok])
-    moved[ok] = translation_error_percent(solution.translation_m[ok], placed.translation_m[ok])
-    return turned, moved
 
 
 def right_share(solution, placed):

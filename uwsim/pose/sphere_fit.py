@@ -26,7 +26,7 @@ _CORRELATED_PX = 3
 _STEP = 0.01
 _SAME_SIZE_SD = 0.2
 """What is known of balls that hide each other beforehand: logs of their radii differ by so much."""
-_PART_WINDOW = 2.0
+PART_WINDOW = 2.0
 """Radii around the middle of a part that the ball may reach to."""
 _GRID, _SIZES = 5, (0.85, 1.0, 1.15)
 """Places to a radius, and radii, that are tried for a ball of which a part is seen."""
@@ -113,7 +113,7 @@ def places_of_part(
     little.
     """
     radius_px = alike.radius_px
-    window = cut(grey, usable, centre_px, _PART_WINDOW * radius_px, np.linalg.inv(shape), radius_px)
+    window = cut(grey, usable, centre_px, PART_WINDOW * radius_px, np.linalg.inv(shape), radius_px)
     window, fair = window._replace(samples=1), window.weights
     steps = np.stack(np.meshgrid(*[np.arange(-_GRID, _GRID + 1) / _GRID] * 2), axis=-1).reshape(-1, 2)
     found = []

@@ -12,7 +12,7 @@ import numpy as np
 
 from uwsim.camera.lens import Lens
 from uwsim.pose.sphere_candidates import Candidate
-from uwsim.pose.sphere_fit import Alike, Fit, fit_spheres, places_of_part
+from uwsim.pose.sphere_fit import PART_WINDOW, Alike, Fit, fit_spheres, places_of_part
 from uwsim.pose.sphere_outline import local_map, shape_of, shape_of_moments
 
 _LEAST_EXPLAINED, _LEAST_CONTRAST_SDS = 0.6, 3.0
@@ -170,13 +170,12 @@ class Search(NamedTuple):
         tried = [
             fit_spheres(
                 self.grey, usable, self.saturated, centres_px=start, radii_px=alike.radius_px, shape=shape,
-                within=(fit.centre_px, 2.0 * alike.radius_px), alike=alike,
+                within=(fit.centre_px, PART_WINDOW * alike.radius_px), alike=alike,
             )
             for start in starts
         ]  # fmt: skip
         best = min((one[0] for one in tried if one), key=lambda one: one.left, default=None)
-        off = abs(np.log((fit if best is None else best).radius_px / alike.radius_px))
-        if best is None or off > _SIZE_KNOWN:
+        if best is None or abs(np.log(best.radius_px / alike.radius_px)) > _SIZE_KNOWN:
             fair = fit.explained > _FAIR_EXPLAINED and abs(np.log(fit.radius_px / alike.radius_px)) < _FAIR_SIZE
             return fit if fair else None
         return best if _is_sphere(best) and best.seen > _LEAST_SEEN and best.left < _AS_WELL * fit.left else None

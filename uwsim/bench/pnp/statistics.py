@@ -8,6 +8,11 @@ COVERAGE = 0.95
 _AT_ONCE = 100
 
 
+def finite(value: float) -> float:
+    """Return a value, NaN for an infinite one: JSON has none."""
+    return float(value) if math.isfinite(value) else math.nan
+
+
 def median_ratio(errors: np.ndarray, others: np.ndarray) -> float:
     """Return the ratio of the medians of two samples (B,); NaN where either is infinite or the second 0."""
     return _ratio(float(np.median(errors)), float(np.median(others)))

@@ -20,7 +20,7 @@ import numpy as np
 from uwsim.bench import runner
 from uwsim.bench.pnp.reference import STEPS, Errors, Reference, errors_of, reference_of
 from uwsim.bench.pnp.settings import Batch, Problems, Setting
-from uwsim.bench.pnp.statistics import median_ratio, ratio_interval, rms
+from uwsim.bench.pnp.statistics import finite, median_ratio, ratio_interval, rms
 from uwsim.bench.task import Case, Task
 from uwsim.pose import solvers
 from uwsim.pose.polish import polished
@@ -140,8 +140,8 @@ def scored(rotation: np.ndarray, translation_m: np.ndarray, truth: Truth) -> dic
     there = np.isfinite(errors.turn_deg)
     found = {
         "no_pose_percent": _percent(~there),
-        "rotation_error_deg": _finite(np.median(errors.turn_deg)),
-        "translation_error_percent": _finite(np.median(errors.shift_percent)),
+        "rotation_error_deg": finite(np.median(errors.turn_deg)),
+        "translation_error_percent": finite(np.median(errors.shift_percent)),
         "mean_rotation_error_deg": float(errors.turn_deg[there].mean()) if there.any() else math.nan,
         "mean_translation_error_percent": float(errors.shift_percent[there].mean()) if there.any() else math.nan,
     }
@@ -162,8 +162,8 @@ def _against_reference(errors: Errors, truth: Truth) -> dict[str, float]:
         low, high = ratio_interval(own, ml, resamples=truth.resamples, rng=truth.stream("bootstrap"))
         found |= {
             f"{words}_ratio_to_ml": median_ratio(own, ml),
-            f"{words}_ratio_low": low, f"{words}_ratio_high": _finite(high),
-            f"{words}_error_to_bound_ratio": _finite(np.median(own) / reference.bound[number]),
+            f"{words}_ratio_low": low, f"{words}_ratio_high": finite(high),
+            f"{words}_error_to_bound_ratio": finite(np.median(own) / reference.bound[number]),
             f"{words}_rms_to_bound_ratio": rms(own) / reference.bound_rms[number],
         }  # fmt: skip
     return found
@@ -181,10 +181,6 @@ def _minima(rotation: np.ndarray, translation_m: np.ndarray, truth: Truth) -> di
 
 def _percent(flags: np.ndarray) -> float:
     return 100.0 * float(np.mean(flags))
-
-
-def _finite(value: float) -> float:
-    return float(value) if math.isfinite(value) else math.nan
 
 
 def conditions(problems: Problems, cases: list[str]) -> dict[str, dict]:

@@ -9,7 +9,6 @@ points reached from the true pose. A pose is right where turn and shift are belo
 ML*'s; one that is not right is wrong, and a solver may also give none. Those count as infinite errors in medians.
 """
 
-import math
 import time
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +18,7 @@ import numpy as np
 
 from uwsim.bench import runner
 from uwsim.bench.pnp.reference import Errors, Reference, errors_of, reference_of
-from uwsim.bench.pnp.statistics import median_ratio, ratio_interval
+from uwsim.bench.pnp.statistics import finite, median_ratio, ratio_interval
 from uwsim.bench.pnp.task import poses_of
 from uwsim.bench.pnp_outliers.settings import Problems, Setting, Spoilt
 from uwsim.bench.task import Case, Task
@@ -104,15 +103,11 @@ def scored(rotation: np.ndarray, translation_m: np.ndarray, truth: Truth) -> dic
         rng = truth.problems.stream(truth.setting, "bootstrap")
         low, high = ratio_interval(own, ml, resamples=truth.problems.protocol.resamples, rng=rng)
         found |= {
-            f"{words}_error_{unit}": _finite(np.median(own)), f"{words}_ratio_to_ml": median_ratio(own, ml),
-            f"{words}_ratio_low": low, f"{words}_ratio_high": _finite(high),
-            f"{words}_error_to_bound_ratio": _finite(np.median(own) / reference.bound[number]),
+            f"{words}_error_{unit}": finite(np.median(own)), f"{words}_ratio_to_ml": median_ratio(own, ml),
+            f"{words}_ratio_low": low, f"{words}_ratio_high": finite(high),
+            f"{words}_error_to_bound_ratio": finite(np.median(own) / reference.bound[number]),
         }  # fmt: skip
     return found
-
-
-def _finite(value: float) -> float:
-    return float(value) if math.isfinite(value) else math.nan
 
 
 def conditions(problems: Problems, cases: list[str]) -> dict[str, dict]:
