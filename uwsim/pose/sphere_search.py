@@ -34,9 +34,11 @@ _ALIKE_PARTS = ("radius_px", "light", "blur_px")
 _LIKE_SIZE = (-0.25, 0.35)
 """Logs of radii over that size of whole spheres: parts are smaller, nearer spheres larger."""
 _WHOLE_EXPLAINED = 0.97
-_SIZE_KNOWN, _FAIR_SIZE, _FAIR_EXPLAINED = 0.2, 0.5, 0.95
-"""What is completed has that size to the first (log of the radius). Where it has not, the fit is a whole sphere of
-another size if it explains so much and the size is no more off than the second."""
+_SIZE_SDS, _SIZES_ALIKE, _OTHER_SIZE = (0.1, 0.2), 2.0, 0.5
+"""Least and most standard deviation that sizes of whole spheres (logs of radii) are taken to have; how many of them
+off one of about that size is; the log by which any may differ."""
+_MOSTLY_SEEN, _FAIR_EXPLAINED = 0.5, 0.95
+"""Share of a sphere of another size that must be seen; what the fit of a whole one must explain."""
 _LEAST_SEEN, _AS_WELL = 0.3, 2.0
 """Share of a sphere that must be seen; what it may leave, of what the fit to the part alone leaves."""
 _SAME_PLACE = 0.3
@@ -134,7 +136,8 @@ class Search(NamedTuple):
         sound = [fit for group in groups for fit in group if fit.explained > _SOUND]
         if len(sound) < _LEAST_SOUND:
             return groups
-        alike = Alike(*(np.median([getattr(fit, part) for fit in sound], axis=0) for part in _ALIKE_PARTS))
+        size_sd = float(np.clip(np.std([np.log(fit.radius_px) for fit in sound], ddof=1), *_SIZE_SDS))
+        alike = Alike(*(np.median([getattr(fit, part) for fit in sound], axis=0) for part in _ALIKE_PARTS), size_sd)
         size = alike.radius_px
         groups = [self._one_of_two(group, alike) if len(group) > 1 else group for group in groups]
         whole = [fit for group in groups for fit in group if _is_whole(fit, group, size)]
@@ -175,8 +178,8 @@ class Search(NamedTuple):
             for start in starts
         ]  # fmt: skip
         best = min((one[0] for one in tried if one), key=lambda one: one.left, default=None)
-        if best is None or abs(np.log(best.radius_px / alike.radius_px)) > _SIZE_KNOWN:
-            fair = fit.explained > _FAIR_EXPLAINED and abs(np.log(fit.radius_px / alike.radius_px)) < _FAIR_SIZE
+        if best is None or not _about(best, alike):
+            fair = fit.explained > _FAIR_EXPLAINED and abs(np.log(fit.radius_px / alike.radius_px)) < _OTHER_SIZE
             return fit if fair else None
         return best if _is_sphere(best) and best.seen > _LEAST_SEEN and best.left < _AS_WELL * fit.left else None
 
@@ -227,6 +230,12 @@ def _is_sphere(fit: Fit, *, least: float = _LEAST_EXPLAINED) -> bool:
     # a centre that is not known to its own radius is none
     sure = np.sqrt(np.linalg.eigvalsh(fit.covariance_px2)[-1]) * _LEAST_CONTRAST_SDS <= fit.radius_px
     return bool(fit.explained >= least and fit.contrast > 0 and sure)
+
+
+def _about(fit: Fit, alike: Alike) -> bool:
+    """Whether a fit has about the size of the others, or leaves next to nothing with another."""
+    off, clean = abs(np.log(fit.radius_px / alike.radius_px)), fit.left < (_CLEAN * fit.contrast) ** 2
+    return off < _SIZES_ALIKE * alike.size_sd or (off < _OTHER_SIZE and clean and fit.seen > _MOSTLY_SEEN)
 
 
 def _is_whole(fit: Fit, group: list[Fit], size_px: float) -> bool:
