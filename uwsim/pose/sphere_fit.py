@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uwsim.pose.correlated import sum_along_line
-from uwsim.pose.sphere_model import EACH, SHARED, Window, clear, cut, loss, model
+from uwsim.pose.sphere_model import EACH, SHARED, Window, clear, cut, fitted, loss, model, parts_of, slope
 
 _SHARPEST_PX, _BLUNTEST = 0.12, 1.0
 """Of the blur: next to none, and one radius."""
@@ -119,11 +119,10 @@ def places_of_part(
     found = []
     for step in steps[np.linalg.norm(steps, axis=1) < 1.01]:
         place = centre_px + radius_px * step
-        for size in _SIZES:
-            ball = [*(place - window.first), np.log(size * radius_px)]
-            tried = np.array([np.log(alike.blur_px), *alike.light, *ball])
-            weighted = window._replace(weights=fair * clear(window, model(window, tried)[0]))
-            found.append((loss(window, model(weighted, tried)[0], fair), *place))
+        balls = [[*(place - window.first), np.log(size * radius_px)] for size in _SIZES]
+        for parts in parts_of(window, np.array([[np.log(alike.blur_px), *alike.light, *ball] for ball in balls])):
+            weighted = window._replace(weights=fair * clear(window, fitted(window, parts)[0]))
+            found.append((loss(window, fitted(weighted, parts)[0], fair), *place))
     apart: list[np.ndarray] = []
     for _, *place in sorted(found):
         if all(np.linalg.norm(place - other) > 1.5 * radius_px / _GRID for other in apart):
@@ -143,14 +142,17 @@ def _off(window: Window, unknowns: np.ndarray) -> np.ndarray:
     return np.sqrt(window.weights[used]) * (model(window, unknowns)[0] - window.values)[used]
 
 
-def _residuals(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
-    """Return residuals in standard deviations, those of the light's direction and of the sizes last."""
+def _known(window: Window, unknowns: np.ndarray, alike: Alike | None) -> np.ndarray:
+    """Return how far the light's direction and sizes are from what is known of them, in standard deviations."""
     light, sizes = unknowns[1:SHARED], window.balls(unknowns)[:, 2]
     if alike is None:
-        known = [light / _LIGHT_SD, (sizes - sizes.mean())[:-1] / _SAME_SIZE_SD]
-    else:
-        known = [(light - alike.light) / _ALIKE_LIGHT_SD, (sizes - np.log(alike.radius_px)) / alike.size_sd]
-    return np.concatenate([_off(window, unknowns) / noise, *known])
+        return np.concatenate([light / _LIGHT_SD, (sizes - sizes.mean())[:-1] / _SAME_SIZE_SD])
+    return np.concatenate([(light - alike.light) / _ALIKE_LIGHT_SD, (sizes - np.log(alike.radius_px)) / alike.size_sd])
+
+
+def _residuals(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
+    """Return residuals in standard deviations, what is known beforehand last."""
+    return np.concatenate([_off(window, unknowns) / noise, _known(window, unknowns, alike)])
 
 
 def _noise(window: Window, unknowns: np.ndarray) -> float:
@@ -186,9 +188,10 @@ def _solved(window: Window, unknowns: np.ndarray, alike: Alike | None, start: np
 
 
 def _slope(window: Window, unknowns: np.ndarray, alike: Alike | None, noise: float) -> np.ndarray:
-    here = _residuals(window, unknowns, alike, noise)
-    steps = _STEP * np.eye(len(unknowns))
-    return np.stack([(_residuals(window, unknowns + step, alike, noise) - here) / _STEP for step in steps], axis=-1)
+    """Return the derivatives of `_residuals`; what is known beforehand is linear in the unknowns."""
+    here = _known(window, unknowns, alike)
+    known = [_known(window, unknowns + one, alike) - here for one in np.eye(len(unknowns))]
+    return np.concatenate([slope(window, unknowns, _STEP) / noise, np.transpose(known)])
 
 
 def _weights(window: Window, picture: np.ndarray) -> np.ndarray:
@@ -238,12 +241,12 @@ def _described(window: Window, unknowns: np.ndarray, alike: Alike | None, *, fai
     used = window.used
     if window.spare(unknowns) < _LEAST_SPARE:
         return None
-    slope = _slope(window, unknowns, alike, _noise(window, unknowns))
-    if np.linalg.cond(slope) > 1e8:
+    change = _slope(window, unknowns, alike, _noise(window, unknowns))
+    if np.linalg.cond(change) > 1e8:
         return None
     picture, ground = model(window, unknowns)
     residuals = np.sqrt(window.weights) * (window.values - picture)
-    covariance = np.linalg.inv(slope.T @ slope) * _correlation(residuals, used)
+    covariance = np.linalg.inv(change.T @ change) * _correlation(residuals, used)
     about = (window.values - ground)[used]
     explained = 1 - np.sum((window.values - picture)[used] ** 2) / max(about @ about, 1e-300)
     left, open_ = loss(window, picture, fair), clear(window, picture)

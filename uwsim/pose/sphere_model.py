@@ -80,50 +80,83 @@ def cut(picture: np.ndarray, usable: np.ndarray, centre_px, radius_px: float, ba
 
 def model(window: Window, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the picture (h, w) that fits best with these unknowns, and its ground (h, w)."""
-    basis = _basis(window, unknowns)
-    parts = basis[:, window.used] * np.sqrt(window.weights[window.used])
-    values = window.values[window.used] * np.sqrt(window.weights[window.used])
-    factors = _factors(parts @ parts.T, parts @ values)
-    ground = factors[0] + np.tensordot(factors[1:_GROUND], basis[1:_GROUND], axes=1)
-    return np.tensordot(factors, basis, axes=1), ground
+    return fitted(window, parts_of(window, unknowns[None])[0])
 
 
-def _factors(products: np.ndarray, onto: np.ndarray) -> np.ndarray:
-    """Return the factors of least squares, none of a ball below 0."""
-    kept, factors = np.arange(len(onto)), np.zeros(len(onto))
+def parts_of(window: Window, tried: np.ndarray) -> np.ndarray:
+    """Return what pictures with unknowns (b, u), all of one blur, are sums of: (b, 3 + 2 n, h, w), the ground first."""
+    return _with_ground(window, _sharp(window, tried), _blur(window, tried[0]))
+
+
+def fitted(window: Window, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sum of parts (3 + 2 n, h, w) that fits best (h, w), and its ground (h, w)."""
+    factors, _ = _solved(*_counted(window, parts))
+    ground = factors[0] + np.tensordot(factors[1:_GROUND], parts[1:_GROUND], axes=1)
+    return np.tensordot(factors, parts, axes=1), ground
+
+
+def slope(window: Window, unknowns: np.ndarray, step: float) -> np.ndarray:
+    """Return the change (pixels that count, unknowns) of `model`, times the square roots of their weights.
+
+    Of brightnesses that are kept, less what other brightnesses would take up. Source: Kaufman, BIT 15(1), 1975.
+    """
+    tried = unknowns + step * np.eye(len(unknowns))
+    # the first is the blur
+    sharp = _sharp(window, np.concatenate([unknowns[None], tried[1:]]))
+    blur, other_blur = _blur(window, unknowns), _blur(window, tried[0])
+    parts, values = _counted(window, _with_ground(window, sharp[:1], blur)[0])
+    factors, inverse = _solved(parts, values)
+    # a ball hides the ground
+    bright = factors[_GROUND:] - factors[0] * (np.arange(len(factors) - _GROUND) % _PARTS == 0)
+    lit = np.einsum("k,bkij->bij", bright, sharp)
+    here = blur[0] @ lit @ blur[1].T
+    change = [other_blur[0] @ lit[0] @ other_blur[1].T - here[0], *(here[1:] - here[0])]
+    change = np.stack([one[window.used] for one in change], axis=-1) / step
+    change *= np.sqrt(window.weights[window.used])[:, None]
+    return change - parts.T @ (inverse @ (parts @ change))
+
+
+def _counted(window: Window, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return parts (n, h, w) and values of the pixels that count, times the square roots of their weights."""
+    roots = np.sqrt(window.weights[window.used])
+    return parts[:, window.used] * roots, window.values[window.used] * roots
+
+
+def _solved(parts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the factors (n,) of least squares, none of a ball below 0, and the inverse (n, n) that gave them."""
+    products, onto = parts @ parts.T, parts @ values
+    kept, factors, inverse = np.arange(len(onto)), np.zeros(len(onto)), np.zeros(products.shape)
     while True:
         scale = 1 / np.sqrt(np.maximum(np.diag(products)[kept], 1e-300))
-        values, vectors = np.linalg.eigh(products[np.ix_(kept, kept)] * np.outer(scale, scale))
+        lengths, vectors = np.linalg.eigh(products[np.ix_(kept, kept)] * np.outer(scale, scale))
         # near to dependent parts share what they explain
-        inverse = np.where(values > _DEPENDENT * values[-1], 1 / np.maximum(values, 1e-300), 0.0)
-        found = scale * (vectors @ (inverse * (vectors.T @ (scale * onto[kept]))))
+        vectors = scale[:, None] * vectors
+        lengths = np.where(lengths > _DEPENDENT * lengths[-1], 1 / np.maximum(lengths, 1e-300), 0.0)
+        found = vectors @ (lengths * (vectors.T @ onto[kept]))
         fair = (found >= 0) | (kept < _GROUND)
         if fair.all():
             factors[kept] = found
-            return factors
+            inverse[np.ix_(kept, kept)] = (vectors * lengths) @ vectors.T
+            return factors, inverse
         kept = np.delete(kept, np.argmin(np.where(fair, 0, found)))
 
 
-def _basis(window: Window, unknowns: np.ndarray) -> np.ndarray:
-    """Return the parts (3 + 2 n, h, w) that the picture is a sum of, the ground's three first."""
+def _with_ground(window: Window, sharp: np.ndarray, blur: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return what is seen of the balls, blurred, after the ground's three parts: (b, 3 + 2 n, h, w)."""
     height, width = window.values.shape
-    light = np.array([*unknowns[1:SHARED], 1.0])
-    light /= np.linalg.norm(light)
-    way, balls = unknowns[SHARED : window.shared], window.balls(unknowns)
-    if len(way):
-        stops = np.outer((np.arange(_STOPS) + 0.5) / _STOPS - 0.5, way)
-        parts = np.mean([_sharp(window, balls + [*stop, 0], light) for stop in stops], axis=0)
-    else:
-        parts = _sharp(window, balls, light)
-    blur_px = float(np.exp(unknowns[0]))
-    down, across = (_blurred_pixels(side, window.samples, blur_px) for side in (height, width))
-    discs = down @ parts @ across.T
-    ground = np.empty((_GROUND, height, width))
+    parts = np.empty((len(sharp), _GROUND + sharp.shape[1], height, width))
+    parts[:, _GROUND:] = blur[0] @ sharp @ blur[1].T
     # evenly bright parts come first of each ball's
-    ground[0] = 1 - discs[::_PARTS].sum(axis=0)
-    ground[1] = (np.arange(width) + 0.5 - width / 2) / width
-    ground[2] = ((np.arange(height) + 0.5 - height / 2) / height)[:, None]
-    return np.concatenate([ground, discs])
+    parts[:, 0] = 1 - parts[:, _GROUND::_PARTS].sum(axis=1)
+    parts[:, 1] = (np.arange(width) + 0.5 - width / 2) / width
+    parts[:, 2] = ((np.arange(height) + 0.5 - height / 2) / height)[:, None]
+    return parts
+
+
+def _blur(window: Window, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what pixels down and across see of the samples, after the blur."""
+    down, across = (_blurred_pixels(side, window.samples, float(np.exp(unknowns[0]))) for side in window.values.shape)
+    return down, across
 
 
 def _blurred_pixels(count: int, samples: int, blur_px: float) -> np.ndarray:
@@ -139,33 +172,50 @@ def _blurred_pixels(count: int, samples: int, blur_px: float) -> np.ndarray:
     return by_distance[count * samples + samples - 1 + pixels[:, None] - cells]
 
 
-def _sharp(window: Window, balls: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """Return what is seen of each ball, evenly bright and lit, on the grid of samples."""
+def _sharp(window: Window, tried: np.ndarray) -> np.ndarray:
+    """Return what is seen of each ball, evenly bright and lit, before the blur: (b, 2 n, h samples, w samples).
+
+    `tried` (b, unknowns).
+    """
+    light = np.concatenate([tried[:, 1:SHARED], np.ones((len(tried), 1))], axis=1)
+    light /= np.linalg.norm(light, axis=1, keepdims=True)
+    balls, way = tried[:, window.shared :].reshape(len(tried), -1, EACH), tried[:, SHARED : window.shared]
+    if not way.size:
+        return _at_rest(window, balls, light)
+    stops = (np.arange(_STOPS) + 0.5) / _STOPS - 0.5
+    moved = np.repeat(balls[:, None], _STOPS, axis=1)
+    moved[..., :2] += (stops[:, None] * way[:, None])[:, :, None]
+    parts = _at_rest(window, moved.reshape(-1, *balls.shape[1:]), np.repeat(light, _STOPS, axis=0))
+    return parts.reshape(len(tried), _STOPS, *parts.shape[1:]).mean(axis=1)
+
+
+def _at_rest(window: Window, balls: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """Return the same of balls (b, n, 3) that do not move; light (b, 3)."""
     samples = window.samples
     fine = np.array(window.values.shape) * samples
-    seen, parts = None, np.zeros((2 * len(balls), *fine))
+    seen, parts = None, np.zeros((len(balls), _PARTS * balls.shape[1], *fine))
     # half the sides of the rectangle around an outline of radius 1
     sides = np.linalg.norm(np.linalg.inv(window.back), axis=1)
-    for number, (column, row, log_radius) in enumerate(balls):
-        radius = np.exp(log_radius)
-        reach = sides[::-1] * radius + 1.0
-        low, high = (np.clip(((np.array([row, column]) + to) * samples).astype(int), 0, fine) for to in (-reach, reach))
-        part = np.s_[low[0] : high[0], low[1] : high[1]]
+    light_x, light_y, light_z = light.T[:, :, None, None]
+    for number in range(balls.shape[1]):
+        places, radius = balls[:, number, 1::-1], np.exp(balls[:, number, 2, None])
+        reach = radius * sides[::-1] + 1.0
+        low, high = (places - reach).min(axis=0), (places + reach).max(axis=0)
+        low, high = (np.clip((end * samples).astype(int), 0, fine) for end in (low, high))
+        part = np.s_[:, low[0] : high[0], low[1] : high[1]]
         below, aside = (
-            ((np.arange(first, last) + 0.5) / samples - place) / radius
-            for first, last, place in zip(low, high, (row, column), strict=True)
+            ((np.arange(low[way], high[way]) + 0.5) / samples - places[:, way, None]) / radius for way in (0, 1)
         )
-        x, y = (way[0] * aside + (way[1] * below)[:, None] for way in window.back)
+        x, y = (way[0] * aside[:, None] + way[1] * below[:, :, None] for way in window.back)
         squared = x * x + y * y
-        inside = np.clip((1 - np.sqrt(squared)) * (radius * samples) + 0.5, 0, 1)
-        lit = np.clip(light[0] * x + light[1] * y + light[2] * np.sqrt(np.clip(1 - squared, 0, None)), 0, None)
-        if len(balls) == 1:
-            parts[0][part], parts[1][part] = inside, lit * inside
-            continue
-        seen = np.ones(fine) if seen is None else seen
-        parts[2 * number][part] = inside * seen[part]
-        parts[2 * number + 1][part] = lit * parts[2 * number][part]
-        seen[part] *= 1 - inside
+        inside = np.clip((1 - np.sqrt(squared)) * (radius[..., None] * samples) + 0.5, 0, 1)
+        lit = np.maximum(light_x * x + light_y * y + light_z * np.sqrt(np.maximum(1 - squared, 0)), 0)
+        if balls.shape[1] > 1:
+            seen = np.ones((len(balls), *fine)) if seen is None else seen
+            hides = inside
+            inside = inside * seen[part]
+            seen[part] *= 1 - hides
+        parts[:, _PARTS * number][part], parts[:, _PARTS * number + 1][part] = inside, lit * inside
     return parts
 
 
