@@ -5,8 +5,10 @@ import pytest
 
 from uwsim.images import srgb_uint8_from_linear
 from uwsim.pose import sphere_search
+from uwsim.pose.sphere_candidates import Candidate
 from uwsim.pose.sphere_fit import fit_spheres
 from uwsim.pose.sphere_model import Window, model, slope
+from uwsim.pose.sphere_search import Search, _Look
 from uwsim.pose.spheres import detect_spheres
 
 LIGHT = (-0.25, -0.18, 0.95)
@@ -167,6 +169,26 @@ def test_a_pair_among_round_ones_is_no_streak():
     balls = [*shifted, *WHOLE]
     found = detect_spheres(image(scene(balls)), radius_px=RADII_PX)
     assert len(found) == 5 and np.all(errors(found, balls) < 0.15)
+
+
+@pytest.mark.parametrize("apart_px, spheres", [(9.0, 1), (20.0, 2)])
+def test_light_of_a_sphere_next_to_it_is_no_second_one(monkeypatch, apart_px, spheres):
+    """Setup: a blob that two balls explain better than one, next to a sphere with which it makes a pair. Expected: one
+    ball. Negative control: the sphere is too far off to touch them: two."""
+    still = np.zeros(2)
+    fits = [
+        sphere_search.Fit(np.array(place), 0.01 * np.eye(2), radius, 0.5, 0.99, 0.7, left, 1.0, still, still)
+        for place, radius, left in (
+            ((30.0, 30.0), 6.0, 1e-3), ((30.0 + apart_px, 30.0), 5.0, 1e-4), ((29.0, 30.0), 5.5, 1e-4),
+            ((33.0, 30.0), 3.5, 1e-4),
+        )
+    ]  # fmt: skip
+    blob = Candidate(np.array([30.0, 30.0]), 6.0, 1.0)
+    looks = [_Look(blob, np.ones((60, 60), bool), one, None, blob.centre_px, np.eye(2)) for one in fits[:2]]
+    search = Search(np.zeros((60, 60)), np.zeros((60, 60), bool), None)
+    monkeypatch.setattr(Search, "_split", lambda search, look: fits[2:])
+    monkeypatch.setattr(Search, "_two", lambda search, usable, centres_px, radii_px: fits[:2])
+    assert len(search._chosen(looks[0], looks, moving=False)) == spheres
 
 
 def test_ways_are_alike_either_way_round():

@@ -84,7 +84,7 @@ class Search(NamedTuple):
             if look is not None:
                 looks.append(look)
         moving = _move_alike([look.streak.way_px for look in looks if look.streak is not None], len(looks))
-        found = [fits for fits in (self._chosen(look, moving=moving) for look in looks) if fits]
+        found = [fits for fits in (self._chosen(look, looks, moving=moving) for look in looks) if fits]
         return found if moving else self._mended(self._together(found))
 
     def _look(self, blob: Candidate, others: list[Candidate], known: list[Fit]) -> _Look | None:
@@ -107,14 +107,19 @@ class Search(NamedTuple):
             middle = moments = None
         return _Look(blob, usable, one, streak, middle, moments)
 
-    def _chosen(self, look: _Look, *, moving: bool) -> list[Fit]:
+    def _chosen(self, look: _Look, looks: list[_Look], *, moving: bool) -> list[Fit]:
         """Return what a blob is: one sphere, where all move one in motion, or two, or none."""
         one = look.streak if moving and look.streak else look.one
+        whole = one is not None and _is_sphere(one)
         if look.moments is not None:
             two = self._split(look)
             if two and (one is None or two[0].left < (_TWO_IN_MOTION if moving else _TWO_LEAVE) * one.left):
-                return two
-        return [one] if one is not None and _is_sphere(one) else []
+                others = [other.one for other in looks if other is not look and other.one and _is_sphere(other.one)]
+                near = [other for other in others if any(_gap(part, other) < 0 for part in two)]
+                # what is left of one may be light of a sphere that it touches
+                if moving or not whole or not any(self._touching([one, other], others) for other in near):
+                    return two
+        return [one] if whole else []
 
     def _together(self, groups: list[list[Fit]]) -> list[list[Fit]]:
         """Return the groups with single spheres that touch fitted together, the nearest first."""
@@ -127,9 +132,13 @@ class Search(NamedTuple):
                 return kept + [[one] for one in single]
             pair = [single[number] for number in chosen]
             single = [one for number, one in enumerate(single) if number not in chosen]
-            usable = ~_covered(self.grey.shape, single + [fit for fits in kept for fit in fits], pair)
-            places, radii = np.array([one.centre_px for one in pair]), np.array([one.radius_px for one in pair])
-            kept.append(self._two(usable, places, radii) or pair)
+            kept.append(self._touching(pair, single + [fit for fits in kept for fit in fits]) or pair)
+
+    def _touching(self, pair: list[Fit], others: list[Fit]) -> list[Fit] | None:
+        """Return the fits of two spheres together; None where they are not two."""
+        apart = [other for other in others if not any(other is one for one in pair)]
+        places, radii = np.array([one.centre_px for one in pair]), np.array([one.radius_px for one in pair])
+        return self._two(~_covered(self.grey.shape, apart, pair), places, radii)
 
     def _mended(self, groups: list[list[Fit]]) -> list[list[Fit]]:
         """Return the groups, spheres that something hides in part fitted anew with about the size of the others."""
