@@ -69,6 +69,17 @@ def test_our_numbers_stand_below_the_printed_ones():
     assert "here, 0" in tables.beside_printed(table, study(), "translation_percent")
 
 
+def test_who_has_fewer_poses_is_named():
+    """Expected: DLT with a pose in one of two pictures of the tables is named with that, and all others together.
+    Negative control: with a pose in each, none is named."""
+
+    def refuses(case, method, metric, value):
+        return 0.0 if (case, method, metric) == ("000001", "dlt", "detected_percent") else value
+
+    assert tables.poses(study(refuses)).endswith("a pose: DLT in 50.0 %, all others in each.")
+    assert tables.poses(study()).endswith("a pose: all in each.")
+
+
 def test_goals_follow_the_records():
     made = {goal.text.partition(":")[0]: goal for goal in goals.of_pictures(printed(), study())}
     assert made["ten points"].met

@@ -53,7 +53,7 @@ def _section(heading: str, words: str, *tables_: str) -> list[str]:
 def _beside(known: Printed, study: PictureStudy) -> list[str]:
     if not study.cases(group=TABLES):
         return []
-    parts = []
+    parts = [tables.poses(study)]
     for table in known.table:
         for quantity, words in (("rotation_deg", "rotation [deg]"), ("translation_percent", "translation [%]")):
             parts.append(f"Table {table.number}, {table.depth_mm} mm: mean error of {words}.")

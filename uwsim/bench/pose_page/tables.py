@@ -17,6 +17,7 @@ from uwsim.bench.pose_page.study import (
     RESTORED,
     ROTATION,
     SEARCHED,
+    TABLES,
     TEN,
     TRANSLATION,
     PictureStudy,
@@ -43,6 +44,15 @@ def beside_printed(table: Table, study: PictureStudy, quantity: str) -> str:
         ours = [study.mean(name, metric, cases) for name in (*OF_COLUMN.values(), *own)]
         rows.append(["", f"here, {len(cases)}", *(shown(value, 2) for value in ours)])
     return markdown_table(["from the axis [mm]", "", *OF_COLUMN, *map(title, own)], rows, texts=2)
+
+
+def poses(study: PictureStudy) -> str:
+    """Return in how many of the pictures of these tables who has a pose: means are over those."""
+    cases = study.cases(group=TABLES)
+    every = {title(name): study.mean(name, "detected_percent", cases) for name in study.shown(*OWN)}
+    every = {column: study.mean(name, "detected_percent", cases) for column, name in OF_COLUMN.items()} | every
+    fewer = [f"{name} in {shown(share, 1)} %" for name, share in every.items() if share < 100]
+    return f"Means are over the pictures with a pose: {', '.join([*fewer, 'all others' if fewer else 'all'])} in each."
 
 
 def _by(study: PictureStudy, groups: Iterable[tuple[str, list[str]]], methods: Iterable[str], what: str) -> str:
