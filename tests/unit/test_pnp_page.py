@@ -101,6 +101,23 @@ def test_the_folder_holds_the_page_and_all_records(tmp_path, monkeypatch):
     assert "](figure_5_06.png)" in (tmp_path / "pnp" / "README.md").read_text()
 
 
+def test_legends_of_all_solvers_lie_in_the_picture(tmp_path, monkeypatch, study):
+    """Setup: a figure of errors and one of times, with all solvers. Expected: the whole legend is in each picture.
+    Negative control: on a picture of 6 inches it is not."""
+    drawn = []
+    monkeypatch.setattr(figures, "save", lambda figure, path, dpi: drawn.append(figure))
+    two = {name: file for name, file in figures.names(study).items() if name in ("5.6", "5.10")}
+    monkeypatch.setattr(figures, "names", lambda study: two)
+    figures.draw(study, tmp_path)
+    for figure in drawn:
+        for width, fits in ((figure.get_figwidth(), True), (6.0, False)):
+            figure.set_figwidth(width)
+            figure.draw_without_rendering()
+            extent = figure.legends[0].get_window_extent()
+            assert (extent.x0 >= 0 and extent.x1 <= figure.bbox.width) == fits
+    assert len(drawn) == 2
+
+
 def test_every_figure_of_the_dissertation_has_a_file(study, text):
     found = figures.names(study)
     assert list(found) == [f"5.{number}" for number in range(4, 29)]

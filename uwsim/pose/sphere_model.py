@@ -50,8 +50,8 @@ class Window(NamedTuple):
         return self.weights > 0
 
     def balls(self, unknowns: np.ndarray) -> np.ndarray:
-        """Return place and log of the radius of each ball, (n, 3)."""
-        return unknowns[self.shared :].reshape(-1, EACH)
+        """Return place and log of the radius of each ball, (..., n, 3), of unknowns (..., u)."""
+        return unknowns[..., self.shared :].reshape(*unknowns.shape[:-1], -1, EACH)
 
     def spare(self, unknowns: np.ndarray) -> int:
         """Return how many pixels more count than there are unknowns, brightnesses included."""
@@ -90,7 +90,7 @@ def parts_of(window: Window, tried: np.ndarray) -> np.ndarray:
 
 def fitted(window: Window, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of parts (3 + 2 n, h, w) that fits best (h, w), and its ground (h, w)."""
-    factors, _ = _solved(*_counted(window, parts))
+    factors, _ = _factors(*_counted(window, parts))
     ground = factors[0] + np.tensordot(factors[1:_GROUND], parts[1:_GROUND], axes=1)
     return np.tensordot(factors, parts, axes=1), ground
 
@@ -105,7 +105,7 @@ def slope(window: Window, unknowns: np.ndarray, step: float) -> np.ndarray:
     sharp = _sharp(window, np.concatenate([unknowns[None], tried[1:]]))
     blur, other_blur = _blur(window, unknowns), _blur(window, tried[0])
     parts, values = _counted(window, _with_ground(window, sharp[:1], blur)[0])
-    factors, inverse = _solved(parts, values)
+    factors, inverse = _factors(parts, values)
     # a ball hides the ground
     bright = factors[_GROUND:] - factors[0] * (np.arange(len(factors) - _GROUND) % _PARTS == 0)
     lit = np.einsum("k,bkij->bij", bright, sharp)
@@ -122,21 +122,21 @@ def _counted(window: Window, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return parts[:, window.used] * roots, window.values[window.used] * roots
 
 
-def _solved(parts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _factors(parts: np.ndarray, brightness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the factors (n,) of least squares, none of a ball below 0, and the inverse (n, n) that gave them."""
-    products, onto = parts @ parts.T, parts @ values
+    products, onto = parts @ parts.T, parts @ brightness
     kept, factors, inverse = np.arange(len(onto)), np.zeros(len(onto)), np.zeros(products.shape)
     while True:
         scale = 1 / np.sqrt(np.maximum(np.diag(products)[kept], 1e-300))
-        lengths, vectors = np.linalg.eigh(products[np.ix_(kept, kept)] * np.outer(scale, scale))
+        values, vectors = np.linalg.eigh(products[np.ix_(kept, kept)] * np.outer(scale, scale))
         # near to dependent parts share what they explain
         vectors = scale[:, None] * vectors
-        lengths = np.where(lengths > _DEPENDENT * lengths[-1], 1 / np.maximum(lengths, 1e-300), 0.0)
-        found = vectors @ (lengths * (vectors.T @ onto[kept]))
+        inverted = np.where(values > _DEPENDENT * values[-1], 1 / np.maximum(values, 1e-300), 0.0)
+        found = vectors @ (inverted * (vectors.T @ onto[kept]))
         fair = (found >= 0) | (kept < _GROUND)
         if fair.all():
             factors[kept] = found
-            inverse[np.ix_(kept, kept)] = (vectors * lengths) @ vectors.T
+            inverse[np.ix_(kept, kept)] = (vectors * inverted) @ vectors.T
             return factors, inverse
         kept = np.delete(kept, np.argmin(np.where(fair, 0, found)))
 
@@ -179,7 +179,7 @@ def _sharp(window: Window, tried: np.ndarray) -> np.ndarray:
     """
     light = np.concatenate([tried[:, 1:SHARED], np.ones((len(tried), 1))], axis=1)
     light /= np.linalg.norm(light, axis=1, keepdims=True)
-    balls, way = tried[:, window.shared :].reshape(len(tried), -1, EACH), tried[:, SHARED : window.shared]
+    balls, way = window.balls(tried), tried[:, SHARED : window.shared]
     if not way.size:
         return _at_rest(window, balls, light)
     stops = (np.arange(_STOPS) + 0.5) / _STOPS - 0.5

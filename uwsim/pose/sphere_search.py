@@ -111,15 +111,17 @@ class Search(NamedTuple):
         """Return what a blob is: one sphere, where all move one in motion, or two, or none."""
         one = look.streak if moving and look.streak else look.one
         whole = one is not None and _is_sphere(one)
-        if look.moments is not None:
-            two = self._split(look)
-            if two and (one is None or two[0].left < (_TWO_IN_MOTION if moving else _TWO_LEAVE) * one.left):
-                others = [other.one for other in looks if other is not look and other.one and _is_sphere(other.one)]
-                near = [other for other in others if any(_gap(part, other) < 0 for part in two)]
-                # what is left of one may be light of a sphere that it touches
-                if moving or not whole or not any(self._touching([one, other], others) for other in near):
-                    return two
+        two = None if look.moments is None else self._split(look)
+        if two and (one is None or two[0].left < (_TWO_IN_MOTION if moving else _TWO_LEAVE) * one.left):
+            others = [other.one for other in looks if other is not look and other.one and _is_sphere(other.one)]
+            if moving or not whole or not self._light_of_another(one, two, others):
+                return two
         return [one] if whole else []
+
+    def _light_of_another(self, one: Fit, two: list[Fit], others: list[Fit]) -> bool:
+        """Whether what is left of one, for which it was taken for two, may be light of a sphere that it touches."""
+        near = [other for other in others if any(_gap(part, other) < 0 for part in two)]
+        return any(self._touching([one, other], others) for other in near)
 
     def _together(self, groups: list[list[Fit]]) -> list[list[Fit]]:
         """Return the groups with single spheres that touch fitted together, the nearest first."""
@@ -188,7 +190,7 @@ class Search(NamedTuple):
         ]  # fmt: skip
         best = min((one[0] for one in tried if one), key=lambda one: one.left, default=None)
         if best is None or not _about(best, alike):
-            fair = fit.explained > _FAIR_EXPLAINED and abs(np.log(fit.radius_px / alike.radius_px)) < _OTHER_SIZE
+            fair = fit.explained > _FAIR_EXPLAINED and _size_off(fit, alike) < _OTHER_SIZE
             return fit if fair else None
         return best if _is_sphere(best) and best.seen > _LEAST_SEEN and best.left < _AS_WELL * fit.left else None
 
@@ -241,9 +243,14 @@ def _is_sphere(fit: Fit, *, least: float = _LEAST_EXPLAINED) -> bool:
     return bool(fit.explained >= least and fit.contrast > 0 and sure)
 
 
+def _size_off(fit: Fit, alike: Alike) -> float:
+    """Return the size of the log of a radius over that of the others."""
+    return float(abs(np.log(fit.radius_px / alike.radius_px)))
+
+
 def _about(fit: Fit, alike: Alike) -> bool:
     """Whether a fit has about the size of the others, or leaves next to nothing with another."""
-    off, clean = abs(np.log(fit.radius_px / alike.radius_px)), fit.left < (_CLEAN * fit.contrast) ** 2
+    off, clean = _size_off(fit, alike), fit.left < (_CLEAN * fit.contrast) ** 2
     return off < _SIZES_ALIKE * alike.size_sd or (off < _OTHER_SIZE and clean and fit.seen > _MOSTLY_SEEN)
 
 

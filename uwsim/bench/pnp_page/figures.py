@@ -82,7 +82,7 @@ def _limits(panel) -> tuple[float, float]:
 
 
 def _times(study: PoseStudy, path: Path, cases: list[str]) -> None:
-    figure, ((panel,),) = new_figure(1, 1, width=8, height=4.6)
+    figure, ((panel,),) = new_figure(1, 1, width=10.4, height=4.6)
     steps = [study.conditions[case]["points"] for case in cases]
     for index, method in enumerate(study.methods):
         heights = [study.value(case, method, "microseconds_per_problem") for case in cases]
